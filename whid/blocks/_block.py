@@ -1,0 +1,145 @@
+"""What every block is: fields, state, step, tangent, steady state."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_type_hints
+
+import numpy as np
+
+from whid.fit import Parameter
+from whid.kinds import Kind
+from whid.signal import Floats, Signal
+
+State = Any  # whatever a block carries from one chunk to the next; None before the first means rest
+
+
+@dataclass(frozen=True)
+class Free:
+    """Marks a field that a fit may change: its unit and its bounds."""
+
+    units: str = "1"  # "input", "output", "s", "rad/s", "1", or any unit string
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+Number = Annotated[float, Free()]
+
+
+class Tangents(NamedTuple):
+    """What `Block.tangent` returns: the output, its derivatives, and the state to go on from."""
+
+    signal: Signal
+    tangents: list[Signal]  # one a seed, then one a name in `wrt`
+    state: State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block(Kind):
+    """A block of a plant or model: signal in, signal out.
+
+    `step` carries the state across chunks, so a record may stream; `tangent` gives the derivative of the output with
+    respect to the input (along seed signals) and to free scalars of the block, on the same path, sampled or exact.
+    """
+
+    family: ClassVar[str] = "whid.blocks"
+    fix: bool | tuple[str, ...] = False  # true: hold every number in a fit; a list: hold these fields
+
+    @abstractmethod
+    def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
+        """Return the output over this chunk and the state to go on from (None: from rest)."""
+
+    @abstractmethod
+    def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
+        """Return the output and its derivatives along the seeds, then with respect to the named free scalars."""
+
+    @abstractmethod
+    def steady(self, level: float, dt: float) -> tuple[float, State]:
+        """Return the output level and the state after a constant input has been there for ever.
+
+        Raises `WhidError("block-no-steady-state")` where there is none.
+        """
+
+    def __call__(self, u: Floats, dt: float, between: Any = "zoh", t0: float = 0.0) -> Floats:
+        """Return the output samples for input samples, from rest (a convenience for the shell and for tests)."""
+        return self.step(Signal(np.asarray(u, float), dt, t0, between, self.panel_order(dt)))[0].values
+
+    def panel_order(self, dt: float) -> int:
+        """Return how many nodes an interval needs for the exact path: more when the block is fast against dt."""
+        return max([4, *(block.panel_order(dt) for block in self.children())])
+
+    def children(self) -> tuple[Block, ...]:
+        """Return the blocks inside this one, in the order of their fields."""
+        return tuple(block for _, block in self._named_children())
+
+    def parameters(self, held: bool = False) -> tuple[Parameter, ...]:
+        """Return the free scalars, by path; those under `fix:` only when `held` is asked for.
+
+        >>> from whid.blocks.dead_zone import DeadZone
+        >>> [p.name for p in DeadZone(low=-1.0, high=2.0, fix=("low",)).parameters()]
+        ['high', 'slope']
+        """
+        found = []
+        for name, value, free in self._free_fields():
+            if held or not (self.fix is True or (self.fix and name.partition(".")[0] in self.fix)):
+                found.append(Parameter(name, value, free.units, free.lower, free.upper))
+        for path, block in self._named_children():
+            if held or self.fix is not True:
+                found += [p._replace(name=f"{path}.{p.name}") for p in block.parameters(held)]
+        return tuple(found)
+
+    def with_parameters(self, values: dict[str, float]) -> Self:
+        """Return the block with some free scalars changed, each named by its path as in `parameters`."""
+        changes: dict[str, Any] = {}
+        for name, value in values.items():
+            head, _, rest = name.partition(".")
+            changes[head] = _set(changes.get(head, getattr(self, head)), rest.split(".") if rest else [], value)
+        return dataclasses.replace(self, **changes)
+
+    def _free_fields(self) -> Iterator[tuple[str, float, Free]]:
+        for name, free in _markers(type(self)).items():
+            yield from _flatten(name, getattr(self, name), free)
+
+    def _named_children(self) -> Iterator[tuple[str, Block]]:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Block):
+                yield field.name, value
+            elif isinstance(value, tuple):
+                yield from ((f"{field.name}.{i}", item) for i, item in enumerate(value) if isinstance(item, Block))
+
+
+def _set(value: Any, path: list[str], number: float) -> Any:
+    if isinstance(value, Block):
+        return value.with_parameters({".".join(path): number})
+    if not path:
+        return number
+    items = list(value)
+    items[int(path[0])] = _set(items[int(path[0])], path[1:], number)
+    return tuple(items)
+
+
+def _flatten(name: str, value: Any, free: Free) -> Iterator[tuple[str, float, Free]]:
+    if isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _flatten(f"{name}.{i}", item, free)
+    elif value is not None:
+        yield name, float(value), free
+
+
+def _markers(cls: type, _cache: dict[type, dict[str, Free]] = {}) -> dict[str, Free]:  # noqa: B006 (a cache)
+    if cls not in _cache:
+        hints = get_type_hints(cls, include_extras=True)
+        found = {f.name: _find(hints[f.name]) for f in dataclasses.fields(cls)}
+        _cache[cls] = {name: free for name, free in found.items() if free is not None}
+    return _cache[cls]
+
+
+def _find(hint: Any) -> Free | None:
+    """Find the `Free` marker in a type hint, however deep: `tuple[tuple[Number, ...], ...] | None`."""
+    marked = [item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Free)]
+    inner = [found for argument in getattr(hint, "__args__", ()) if (found := _find(argument)) is not None]
+    return (marked or inner or [None])[0]

@@ -1,0 +1,1 @@
+"""Disturbances: random or periodic things that are not blocks; one file each, the folder is the registry."""

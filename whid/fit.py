@@ -1,0 +1,199 @@
+"""The only least squares in whid: weighted, bounded, with covariance, rank and a reason to stop.
+
+Linear problems are solved at once, nonlinear ones by Levenberg-Marquardt with Nielsen's damping on analytic tangents.
+Both return the same `Estimate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.quantity import Quantity
+
+Floats = NDArray[np.float64]
+WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear"]
+
+
+class Parameter(NamedTuple):
+    """One free scalar: its name (for a tree its path in the YAML, `chain.0.num.1`), start value, unit, bounds."""
+
+    name: str
+    value: float
+    units: str = "1"
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+class Estimate(NamedTuple):
+    """What a least-squares fit found.
+
+    covariance is that of the weighted problem: with weights 1/σ it is the Cramér-Rao bound of Gaussian noise at the
+    estimate; without weights it is scaled by the residual variance. Directions that the data do not determine are left
+    out of it (infinite standard errors) and listed in null_directions.
+    """
+
+    names: tuple[str, ...]
+    values: Annotated[Floats, Quantity(dims=("names",), error="std")]
+    std: Annotated[Floats, Quantity(dims=("names",))]
+    covariance: Annotated[Floats, Quantity(dims=("names", "names"))]
+    rank: int
+    null_directions: Annotated[Floats, Quantity(dims=("null", "names"))]  # orthonormal in scaled parameters
+    chi2: float
+    dof: int
+    iterations: int
+    why_stop: WhyStop
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Return χ²/dof, NaN without degrees of freedom."""
+        return self.chi2 / self.dof if self.dof > 0 else float("nan")
+
+    def value(self, name: str) -> float:
+        """Return one value by name."""
+        return float(self.values[self.names.index(name)])
+
+
+def linear_least_squares(design: Floats, data: Floats, weights: Floats | None = None, names: Sequence[str] = ()) -> Estimate:
+    """Minimise Σ wᵢ²(data − design·θ)ᵢ².
+
+    design (m, p), data (m,), weights (m,) = 1/σ (None: σ unknown, from the residual). Source: any text on least squares.
+
+    >>> fit = linear_least_squares(np.vander([0.0, 1.0, 2.0], 2), np.array([1.0, 3.0, 5.0]), np.ones(3))
+    >>> fit.values.round(12), fit.rank
+    (array([2., 1.]), 2)
+    """
+    w = np.ones(len(data)) if weights is None else weights
+    a, b = design * w[:, None], data * w
+    values, covariance, rank, null = _solve(a, b)
+    chi2 = float(np.sum((b - a @ values) ** 2))
+    names = tuple(names) or tuple(str(k) for k in range(design.shape[1]))
+    return _estimate(names, values, covariance, rank, null, chi2, len(data), weights is None, 1, "linear")
+
+
+def least_squares(
+    residual: Callable[[Floats], Floats],
+    tangent: Callable[[Floats], Floats],
+    parameters: Sequence[Parameter],
+    weights: Floats | None = None,
+    *,
+    max_iterations: int = 100,
+    tolerance: float = 1e-10,
+    watch: Callable[[int, float, Floats], None] | None = None,
+) -> Estimate:
+    """Minimise Σ wᵢ² rᵢ(θ)² within bounds, by Levenberg-Marquardt [Nielsen 1999, Damping parameter in Marquardt's method].
+
+    residual(θ) → (m,), tangent(θ) → (m, p) = ∂r/∂θ, weights (m,) = 1/σ (None: σ unknown). Complex data: stack real and
+    imaginary parts. `watch(iteration, χ², θ)` is called at every accepted step. Ctrl-C keeps the best so far and says
+    "interrupted". Converged: no coordinate of the next undamped step exceeds `tolerance` standard errors or 1e-12 of θ.
+
+    >>> t = np.arange(5.0)
+    >>> fit = least_squares(lambda p: np.exp(-p[0] * t) - np.exp(-0.3 * t), lambda p: (-t * np.exp(-p[0] * t))[:, None],
+    ...                     [Parameter("rate", 1.0)], np.full(5, 100.0))
+    >>> round(fit.value("rate"), 9), fit.why_stop
+    (0.3, 'converged')
+    """
+    lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
+    theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
+    w = 1.0 if weights is None else weights
+    r = w * residual(theta)
+    chi2 = float(r @ r)
+    why: WhyStop = "iteration limit"
+    mu, nu, iteration = 1e-3, 2.0, 0
+    jacobian = _weighted(tangent(theta), w)
+    try:
+        for iteration in range(1, max_iterations + 1):
+            free = ~(((theta <= lower) & (jacobian.T @ r > 0)) | ((theta >= upper) & (jacobian.T @ r < 0)))
+            scale = np.linalg.norm(jacobian, axis=0)
+            scale[scale == 0] = 1.0
+            step = np.zeros_like(theta)
+            q_r, triangle = _reduced(jacobian[:, free] / scale[free], r)
+            if _negligible(triangle, q_r, theta[free] * scale[free], tolerance, chi2, len(r), weights is None):
+                why = "converged"
+                break
+            stacked = np.concatenate([triangle, np.sqrt(mu) * np.eye(triangle.shape[1])])
+            target = np.concatenate([-q_r, np.zeros(triangle.shape[1])])
+            step[free] = np.linalg.lstsq(stacked, target, rcond=None)[0] / scale[free]
+            trial = np.clip(theta + step, lower, upper)
+            if np.all(np.abs(trial - theta) <= 1e-15 * (np.abs(theta) + 1e-15)):
+                why = "small step"
+                break
+            with np.errstate(all="ignore"):
+                r_trial = w * residual(trial)
+                chi2_trial = float(r_trial @ r_trial)
+            predicted = chi2 - float(np.sum((r + jacobian @ (trial - theta)) ** 2))
+            if np.isfinite(chi2_trial) and chi2_trial < chi2:
+                gain = (chi2 - chi2_trial) / predicted if predicted > 0 else 1.0
+                mu *= max(1 / 3, 1 - (2 * gain - 1) ** 3)
+                nu = 2.0
+                theta, r, chi2 = trial, r_trial, chi2_trial
+                jacobian = _weighted(tangent(theta), w)
+                if watch is not None:
+                    watch(iteration, chi2, theta)
+            else:
+                if mu > 1e12:
+                    why = "no decrease"
+                    break
+                mu *= nu
+                nu *= 2
+    except KeyboardInterrupt:
+        why = "interrupted"
+    _, covariance, rank, null = _solve(jacobian, r)
+    names = tuple(p.name for p in parameters)
+    return _estimate(names, theta, covariance, rank, null, chi2, len(r), weights is None, iteration, why)
+
+
+def _weighted(jacobian: Floats, w: Floats | float) -> Floats:
+    return np.asarray(jacobian * np.asarray(w)[..., None])
+
+
+def _reduced(jacobian: Floats, r: Floats) -> tuple[Floats, Floats]:
+    """Return Qᵀr and R of the QR factorisation: everything a step needs, p numbers instead of m."""
+    q, triangle = np.linalg.qr(jacobian)
+    return q.T @ r, triangle
+
+
+def _negligible(
+    triangle: Floats, q_r: Floats, theta: Floats, tolerance: float, chi2: float, m: int, unknown: bool
+) -> bool:
+    """Tell whether the undamped step is small against the standard errors, or against rounding."""
+    newton, covariance, _, _ = _solve(triangle, -q_r)
+    variance = chi2 / max(m - len(theta), 1) if unknown else 1.0
+    sd = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), 0.0) * variance)
+    return bool(np.all(np.abs(newton) <= tolerance * sd + 1e-12 * np.abs(theta) + 1e-300))
+
+
+def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
+    """Return the minimum-norm solution, its covariance, the rank and the null directions, in scaled columns."""
+    scale = np.linalg.norm(a, axis=0)
+    scale[scale == 0] = 1.0
+    if a.shape[0] > 2 * a.shape[1]:
+        q, triangle = np.linalg.qr(a / scale)
+        u, s, vt = np.linalg.svd(triangle)
+        u = q @ u
+    else:
+        u, s, vt = np.linalg.svd(a / scale, full_matrices=True)
+        s = np.concatenate([s, np.zeros(a.shape[1] - len(s))])
+        u = u[:, : a.shape[1]] if u.shape[1] >= a.shape[1] else np.pad(u, ((0, 0), (0, a.shape[1] - u.shape[1])))
+    kept = s > 1e-10 * s.max(initial=0.0)
+    inverse = vt[kept].T / s[kept]
+    values = inverse @ (u[:, kept].T @ b) / scale
+    covariance = inverse @ inverse.T / np.outer(scale, scale)
+    null = vt[~kept]
+    lost = np.abs(null).max(axis=0, initial=0.0) > 1e-6
+    covariance[lost, lost] = np.inf
+    return values, covariance, int(kept.sum()), null
+
+
+def _estimate(
+    names: tuple[str, ...], values: Floats, covariance: Floats, rank: int, null: Floats,
+    chi2: float, m: int, unknown: bool, iterations: int, why: WhyStop,
+) -> Estimate:  # fmt: skip
+    dof = m - rank
+    if unknown:
+        covariance = covariance * (chi2 / dof if dof > 0 else np.inf)
+    std = np.sqrt(np.diag(covariance))
+    return Estimate(names, values, std, covariance, rank, null, chi2, dof, iterations, why)

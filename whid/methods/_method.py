@@ -1,0 +1,50 @@
+"""What every method is: frozen options, called with records, yielding each stage's result and at last the Model."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from whid.experiments._part import Part
+from whid.fit import Estimate
+from whid.kinds import Kind
+from whid.record import Record
+from whid.system import System
+
+
+class Wanted(NamedTuple):
+    """An experiment a method asks for. The runner performs it on a simulated plant and sends the Record back; on
+    measured data it sends None, and the method finishes with what it has.
+    """
+
+    plan: tuple[Part, ...]
+    reason: str
+    predicted_se: float
+
+
+class Model(NamedTuple):
+    """The end of every method: a system that simulates, the estimate behind its numbers, what could not be known.
+
+    estimate names parameters by their path in the system's tree, `chain.0.den.1`.
+    """
+
+    system: System
+    estimate: Estimate
+    normalisation: str = "none"
+    missing: tuple[str, ...] = ()
+
+
+Stages = Generator[Any, Record | None, None]  # yields stage results (NamedTuples) and Wanted; the Model comes last
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method(Kind):
+    """A staged identification. It sees Records (and the declared model), never a plant, a config or a file."""
+
+    family: ClassVar[str] = "whid.methods"
+
+    @abstractmethod
+    def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
+        """Yield each stage's result in the paper's order, the Model last."""

@@ -1,0 +1,152 @@
+"""A signal on a uniform grid, and what it does between its samples.
+
+A block gets a `Signal` and returns one. Between samples a signal is nothing (`discrete`, the sampled path), held
+(`zoh`), or a polynomial on each interval given by its values at Gauss-Legendre nodes (`Panels`, the exact path).
+An interval that a breakpoint of a hard nonlinearity crosses is split where it crosses, so that every panel is smooth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+class Rule(NamedTuple):
+    """Gauss-Legendre rule on [0, 1]."""
+
+    nodes: Floats  # (q,)
+    weights: Floats  # (q,)
+    to_legendre: Floats  # (q, q) node values -> Legendre coefficients in 2τ − 1
+    ends: Floats  # (2, q) node values -> values at τ = 0 and 1
+
+
+@lru_cache
+def rule(q: int) -> Rule:
+    """Return the q-node Gauss-Legendre rule on [0, 1] and its interpolation matrices.
+
+    >>> bool(abs(rule(4).weights @ rule(4).nodes ** 7 - 1 / 8) < 1e-15)
+    True
+    """
+    x, weights = legendre.leggauss(q)
+    to_legendre = np.linalg.inv(legendre.legvander(x, q - 1))
+    return Rule((x + 1) / 2, weights / 2, to_legendre, legendre.legvander(np.array([-1.0, 1.0]), q - 1) @ to_legendre)
+
+
+class Splits(NamedTuple):
+    """Sub-panels of the intervals that are not smooth, sorted by interval, then start; they tile their interval."""
+
+    index: Ints  # (m,) interval
+    start: Floats  # (m,) in [0, 1)
+    width: Floats  # (m,)
+    values: Floats  # (q, m) at start + width·nodes
+
+
+class Impulses(NamedTuple):
+    """Dirac impulses (only tangents have them: the derivative of a jump that moves in time)."""
+
+    index: Ints  # (m,) interval
+    at: Floats  # (m,) in [0, 1]
+    area: Floats  # (m,) signal units × s
+
+
+NO_SPLITS = Splits(np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 0)))
+NO_IMPULSES = Impulses(np.empty(0, np.intp), np.empty(0), np.empty(0))
+
+
+class Panels(NamedTuple):
+    """Node values on every interval [t_n, t_n + dt); those of a split interval stand in `splits` instead."""
+
+    values: Floats  # (q, n)
+    splits: Splits = NO_SPLITS
+    impulses: Impulses = NO_IMPULSES
+
+
+Between = Literal["discrete", "zoh"] | Callable[[], Panels]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Samples x(t0 + n·dt), n = 0 … N−1, and the signal's course between them.
+
+    values  (N,)
+    dt      sampling time, s
+    t0      time of the first sample, s
+    between "discrete", "zoh", or a function that returns the `Panels` (called once, when somebody needs them)
+    order   number of nodes an interval (q)
+    """
+
+    values: Floats
+    dt: float
+    t0: float = 0.0
+    between: Between = "discrete"
+    order: int = 4
+
+    @cached_property
+    def panels(self) -> Panels:
+        """Return the course between samples as panels; a held signal is constant on each."""
+        if callable(self.between):
+            return self.between()
+        return Panels(np.broadcast_to(self.values, (self.order, len(self.values))))
+
+    @property
+    def sampled(self) -> bool:
+        """Tell whether the signal is known at its samples only."""
+        return self.between == "discrete"
+
+    def with_values(self, values: Floats, between: Between | None = None) -> Signal:
+        """Return a signal on the same grid."""
+        return Signal(values, self.dt, self.t0, self.between if between is None else between, self.order)
+
+    def __getitem__(self, part: slice) -> Signal:
+        """Return a stretch of the signal, its course between samples included."""
+        first, last, _ = part.indices(len(self.values))
+        between: Between = self.between if not callable(self.between) else lambda: cut(self.panels, first, last)
+        return replace(self, values=self.values[first:last], t0=self.t0 + first * self.dt, between=between)
+
+
+def cut(panels: Panels, first: int, last: int) -> Panels:
+    """Return the panels of the intervals first … last − 1, renumbered from 0."""
+    s, i = panels.splits, panels.impulses
+    keep, hit = (s.index >= first) & (s.index < last), (i.index >= first) & (i.index < last)
+    splits = Splits(s.index[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if keep.any() else NO_SPLITS
+    return Panels(panels.values[:, first:last], splits, Impulses(i.index[hit] - first, i.at[hit], i.area[hit]))
+
+
+def held(values: Floats, dt: float, intersample: str, t0: float = 0.0, order: int = 4) -> Signal:
+    """Return the signal of an input whose course between samples is declared.
+
+    `zoh` holds, `foh` joins the samples by straight lines, `bandlimited` interpolates by the trigonometric polynomial
+    through them (mirrored at the ends, so that a record that is not periodic does not ring), `discrete` is the sampled path.
+
+    >>> held(np.array([0.0, 1.0, 1.0]), 0.1, "foh").panels.values[:, 0].round(2)
+    array([0.07, 0.33, 0.67, 0.93])
+    """
+    if intersample in ("discrete", "zoh"):
+        return Signal(values, dt, t0, "zoh" if intersample == "zoh" else "discrete", order)
+    nodes = rule(order).nodes
+    if intersample == "foh":
+        following = np.append(values[1:], values[-1:])
+        return Signal(values, dt, t0, lambda: Panels(values + nodes[:, None] * (following - values)), order)
+    return Signal(values, dt, t0, lambda: Panels(_bandlimited(values, nodes)), order)
+
+
+def _bandlimited(values: Floats, nodes: Floats) -> Floats:
+    mirrored = np.concatenate([values, values[-2:0:-1]])
+    spectrum, line = np.fft.rfft(mirrored), np.arange(len(mirrored) // 2 + 1)
+    shifts = np.exp(2j * np.pi * nodes[:, None] * line / max(len(mirrored), 1))
+    return np.asarray(np.fft.irfft(spectrum * shifts, len(mirrored))[:, : len(values)])
+
+
+def at(values: Floats, tau: Floats) -> Floats:
+    """Interpolate panels: node values (q, m) at local coordinates tau (m,) or (k, m) in [0, 1] of each panel."""
+    coefficients = rule(values.shape[0]).to_legendre @ values
+    return np.asarray(legendre.legval(2 * tau - 1, coefficients if tau.ndim == 1 else coefficients[:, None, :], tensor=False))
