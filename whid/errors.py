@@ -18,6 +18,11 @@ CONFIG, FAILED = 2, 3
 
 # One line a code; `whid explain` prints this table, a test holds every raised code against it.
 CATALOGUE: dict[str, Explanation] = {
+    "file-access": Explanation(
+        "The operating system refused a file: it is missing, may not be read or written, or the disk is full.",
+        "Check the path, its permissions and the free space.",
+        FAILED,
+    ),
     "config-kind": Explanation(
         "A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG
     ),

@@ -1,0 +1,102 @@
+"""The `whid` command: one file a command, found by listing this folder; the only folder that talks to a terminal.
+
+`check.py` holds `command`, the click command `check`; the first line of its docstring is its line in `whid --help`.
+A command returns nothing (exit 0) or its exit code, and raises `WhidError` for everything that is the user's to mend.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import pkgutil
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from whid import __version__
+from whid.errors import CONFIG, FAILED, Faults, WhidError
+
+INTERRUPTED = 130
+
+
+class Commands(click.Group):
+    """A command table that imports a command only when it is called, and turns every fault into lines and a code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the files that are commands."""
+        return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import one command."""
+        if name not in self.list_commands(ctx):
+            return None
+        command: click.Command = importlib.import_module(f"whid.cli.{name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by their docstrings' first lines, read without importing them."""
+        rows = [(name, _summary(name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> NoReturn:
+        """Run a command line and exit: the one place where faults become stderr lines and an exit code."""
+        for stream in (sys.stdout, sys.stderr):
+            if hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="replace")  # a terminal that has no ± must not end a run
+        try:
+            code = super().main(*args, standalone_mode=False, **extra)
+        except WhidError as error:
+            code = _report(error)
+        except click.Abort:  # Ctrl-C
+            click.echo("interrupted", err=True)
+            code = INTERRUPTED
+        except click.ClickException as error:
+            error.show()
+            code = CONFIG
+        except OSError as error:
+            code = _report(WhidError("file-access", error.strerror or str(error), str(error.filename or "")))
+        except Exception as error:
+            if os.environ.get("WHID_DEBUG"):
+                raise
+            code = _bug(error)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _summary(name: str) -> str:
+    tree = ast.parse((Path(__path__[0]) / f"{name}.py").read_text(encoding="utf-8"))
+    return (ast.get_docstring(tree) or "").partition("\n")[0].rstrip(".")
+
+
+def _report(error: WhidError) -> int:
+    """Print each fault, then what to try, once a code; return the exit code."""
+    faults = error.faults if isinstance(error, Faults) else (error,)
+    for fault in faults:
+        click.echo(f"error[{fault.code}]: {fault}", err=True)
+    for remedy in dict.fromkeys(fault.remedy for fault in faults):
+        click.echo(f"try: {remedy}", err=True)
+    return max(fault.exit_code for fault in faults)
+
+
+def _bug(error: Exception) -> int:
+    """Keep the traceback in a file, print one line."""
+    import tempfile
+    import traceback
+
+    with tempfile.NamedTemporaryFile("w", prefix="whid-", suffix=".log", delete=False, encoding="utf-8") as log:
+        traceback.print_exception(error, file=log)
+    what = " ".join(str(error).split())[:200]
+    click.echo(f"error[bug]: {type(error).__name__}: {what}: this is a bug in whid; the details are in {log.name}", err=True)
+    return FAILED
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="whid")
+def main() -> None:
+    """Identify block-oriented nonlinear systems from a YAML study: simulated plants or measured data.
+
+    Example: whid init study.yaml && whid run study.yaml
+    """
