@@ -36,6 +36,76 @@ CATALOGUE: dict[str, Explanation] = {
         "Use `initial: rest` or `initial: free`.",
         FAILED,
     ),
+    "data-file": Explanation(
+        "A data file is not where the config says, nor under $WHID_DATA.",
+        "Give the path relative to the config, or set WHID_DATA to the folder that holds it.",
+        CONFIG,
+    ),
+    "data-unreadable": Explanation(
+        "A data file is empty, damaged, or not of the kind its name says.",
+        "whid reads .csv .txt .tsv .dat (also .gz), .npz, .mat, .h5 and .hdf5; export it again as CSV.",
+        CONFIG,
+    ),
+    "data-cell": Explanation(
+        "A cell of a text file is not a number, or a row has too few or too many cells.",
+        "Correct the row, or give `delimiter:`, `decimal:` or `header_lines:`; a clock time is no number: use `dt:`.",
+        CONFIG,
+    ),
+    "data-column": Explanation(
+        "A column that the config names is not in the file, or cannot be guessed.",
+        "See what the file holds with `whid ingest FILE`, then give `columns: {time: …, input: …, output: …}`.",
+        CONFIG,
+    ),
+    "data-scalar": Explanation(
+        "An operation names a single number that the file does not hold.",
+        "See what the file holds with `whid ingest FILE`, or write the number itself.",
+        CONFIG,
+    ),
+    "data-operation": Explanation(
+        "A column operation cannot be done on this record.",
+        "Read the operation's line in `whid kinds` and its docstring; a cutoff must lie below half the sampling rate.",
+        CONFIG,
+    ),
+    "data-length": Explanation(
+        "Columns differ in length, or the record is too short to identify anything.",
+        "Give columns of one length and at least 16 samples; `crop` acts on all columns.",
+        CONFIG,
+    ),
+    "data-missing": Explanation(
+        "Samples are missing (NaN, empty cells, or rows left out).",
+        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`; a missing input can only be interpolated.",
+        CONFIG,
+    ),
+    "data-time-order": Explanation(
+        "The time column does not increase.",
+        "Sort or de-duplicate the rows, or leave the column out and give `dt:` or `rate_hz:`.",
+        CONFIG,
+    ),
+    "data-time-step": Explanation(
+        "The time column is not uniform to 1 %, or contradicts `dt:` or `rate_hz:`.",
+        "Add `{kind: resample}` as the first operation, or give the true `dt:` and leave the time column out.",
+        CONFIG,
+    ),
+    "data-time-unit": Explanation(
+        "The time column is in another unit than declared (milliseconds against seconds, say).",
+        "Give `units: {time: ms}` (s, ms, us, ns, min or h).",
+        CONFIG,
+    ),
+    "data-dead": Explanation(
+        "A column never changes: a dead channel, or the wrong column.",
+        "Check the wiring and `columns:`; see what the file holds with `whid ingest FILE`.",
+        CONFIG,
+    ),
+    "data-swapped": Explanation(
+        "The declared output moves before the declared input: the two look swapped.",
+        "Exchange `input:` and `output:` under `columns:`; for an inverse model say `causal: false`.",
+        CONFIG,
+    ),
+    "data-parts": Explanation(
+        "A declared part does not fit into its record.",
+        "Give `start:` and `stop:` in samples after all operations, half-open, or `parts: auto`.",
+        CONFIG,
+    ),
     "fit-rank": Explanation(
         "The data do not determine every parameter of a fit.",
         "Read the identifiability report: it names the free directions and an experiment that would pin them.",

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from whid.experiments._part import Part
+from whid.experiments._part import Part, Use
 from whid.signal import Floats
 
 Intersample = Literal["zoh", "foh", "bandlimited", "discrete"]
@@ -26,6 +26,7 @@ class Record:
     intersample what the input does between samples: zoh, foh, bandlimited, discrete
     initial     the state before the first sample: rest, steady (at u[0]) or free
     parts       what happens when: holds, sines, …, by sample range
+    use         what the whole record is for when it has no parts
     """
 
     u: Floats
@@ -38,6 +39,7 @@ class Record:
     initial: Initial = "rest"
     parts: tuple[Part, ...] = ()
     name: str = "record"
+    use: Use = "estimation"
 
     def __len__(self) -> int:
         return len(self.u)
@@ -59,13 +61,13 @@ class Record:
     def using(self, use: str) -> NDArray[np.bool_]:
         """Return where a sample counts for `use` (estimation, selection, report): valid and in such a part.
 
-        A record without parts is all estimation.
+        A record without parts is all of its own `use`.
         """
         inside = np.zeros(len(self), bool)
         for part in self.parts:
             if part.use == use and part.start is not None:
                 inside[part.start : part.stop] = True
-        return (inside if self.parts else np.full(len(self), use == "estimation")) & self.mask
+        return (inside if self.parts else np.full(len(self), use == self.use)) & self.mask
 
     def without(self, use: str) -> Record:
         """Return the record with y of the parts of one use hidden (NaN, not valid): nothing can learn from it."""
