@@ -142,4 +142,4 @@ def _find(hint: Any) -> Free | None:
     """Find the `Free` marker in a type hint, however deep: `tuple[tuple[Number, ...], ...] | None`."""
     marked = [item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Free)]
     inner = [found for argument in getattr(hint, "__args__", ()) if (found := _find(argument)) is not None]
-    return (marked or inner or [None])[0]
+    return next(iter(marked + inner), None)

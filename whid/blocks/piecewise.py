@@ -51,7 +51,7 @@ class Piecewise(Static):
 
     def derivative(self, v: Floats) -> Floats:
         """Return the derivative of the piece that v lies in."""
-        return self._evaluate(v, [np.polynomial.polynomial.polyder(c) for c in self.pieces])
+        return self._evaluate(v, [np.asarray(np.polynomial.polynomial.polyder(c)) for c in self.pieces])
 
     def sensitivity(self, v: Floats, name: str) -> Floats:
         """Return vᵏ on the coefficient's own piece; a break moves no value (see `break_rates`)."""
@@ -91,4 +91,4 @@ class Piecewise(Static):
         for row in table[-2::-1]:
             result *= v
             result += row.take(piece)
-        return result
+        return np.asarray(result)

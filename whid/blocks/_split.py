@@ -1,0 +1,194 @@
+"""Where a signal crosses the breakpoints of a static block, and its panels split there so that f is smooth on each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from whid.signal import Floats, Ints, Panels, Signal, Splits, at, rule
+
+Bools = NDArray[np.bool_]
+
+
+class Crossings(NamedTuple):
+    """Where the signal crosses a breakpoint."""
+
+    interval: Ints  # (m,)
+    at: Floats  # (m,) in [0, 1]; 1 where it crosses at the next sample
+    which: Ints  # (m,) breakpoint
+    speed: Floats  # (m,) |v̇|, signal units per interval
+
+    def where(self, keep: Bools) -> Crossings:
+        """Return some of the crossings."""
+        return Crossings(self.interval[keep], self.at[keep], self.which[keep], self.speed[keep])
+
+
+NO_CROSSINGS = Crossings(np.empty(0, np.intp), np.empty(0), np.empty(0, np.intp), np.empty(0))
+
+
+def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
+    """Return the panels, split where the signal crosses a breakpoint, and the crossings.
+
+    A jump of the signal itself over a breakpoint is no crossing: it is a border between panels already.
+    """
+    panels = signal.panels
+    if not len(breaks) or not len(signal.values):
+        return panels, NO_CROSSINGS
+    parts = _candidates(panels, breaks)
+    owner, tau, which, slope = _crossings(parts, breaks)
+    if not len(owner) and len(panels.splits.index) == 0:
+        return panels, NO_CROSSINGS
+    keep = np.isin(np.arange(len(parts.index)), owner) | (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
+    whole = np.flatnonzero(keep)
+    panel, begin = np.concatenate([whole, owner]), np.concatenate([np.zeros(len(whole)), tau])
+    order = np.lexsort((begin, panel))
+    panel, begin = panel[order], begin[order]
+    end = np.append(np.where(panel[1:] == panel[:-1], begin[1:], 1.0), 1.0)
+    wide = end - begin > 1e-14
+    panel, begin, end = panel[wide], begin[wide], end[wide]
+    inner = at(parts.values[:, panel], begin + (end - begin) * rule(len(parts.values)).nodes[:, None])
+    start = parts.start[panel] + begin * parts.width[panel]
+    splits = Splits(parts.index[panel], start, (end - begin) * parts.width[panel], inner)
+    when = parts.start[owner] + tau * parts.width[owner]
+    index = parts.index[owner]
+    early = when < 1e-14  # at a sample: it belongs to the end of the interval before
+    crossings = Crossings(index - early, np.where(early, 1.0, when), which, slope / parts.width[owner])
+    return Panels(panels.values, splits, panels.impulses), crossings.where(crossings.interval >= 0)
+
+
+def onto(seed: Signal, s: Splits) -> Panels:
+    """Return a seed's panels on the splits of the signal it belongs to (as fine as the seed's own, or finer)."""
+    panels = seed.panels
+    if not len(s.index):
+        return panels
+    local = s.start + s.width * rule(len(s.values)).nodes[:, None]
+    return Panels(panels.values, s._replace(values=_values_at(panels, s.index, local, s.start)), panels.impulses)
+
+
+def value_at(panels: Panels, index: Ints, when: Floats) -> Floats:
+    """Return the value of a signal inside some intervals; where it jumps the right one."""
+    return _values_at(panels, index, when, when)
+
+
+def sides(panels: Panels, index: Ints, when: Floats) -> tuple[Floats, Floats]:
+    """Return the limits from the left and from the right; at the end of the last interval twice the left one."""
+    left = _values_at(panels, index, when, when - 1e-6)
+    wrap = (when >= 1.0) & (index + 1 < panels.values.shape[1])
+    right = np.where(when >= 1.0, left, _values_at(panels, index, when, when))
+    if wrap.any():
+        zero = np.zeros(int(wrap.sum()))
+        right[wrap] = _values_at(panels, index[wrap] + 1, zero, zero)
+    return left, right
+
+
+def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Floats:
+    """Evaluate at `local` of each interval, on the sub-panel that `place` lies in where the interval is split."""
+    values = at(panels.values[:, index], local)
+    own = panels.splits
+    if not len(own.index):
+        return values
+    panel = np.searchsorted(own.index + own.start, index + place + 1e-9, side="right") - 1
+    hit = (panel >= 0) & (own.index[panel] == index)
+    p = panel[hit]
+    inside = np.clip((local[..., hit] - own.start[p]) / own.width[p], 0.0, 1.0)
+    values[..., hit] = at(own.values[:, p], inside)
+    return values
+
+
+def _candidates(panels: Panels, breaks: Floats) -> Splits:
+    """Return the panels that may cross a breakpoint, and every sub-panel, in time order."""
+    near = _near(panels.values, breaks)
+    s = panels.splits
+    near[s.index] = False
+    dense = np.flatnonzero(near)
+    if not len(s.index):
+        return Splits(dense, np.zeros(len(dense)), np.ones(len(dense)), panels.values[:, dense])
+    index = np.concatenate([dense, s.index])
+    start = np.concatenate([np.zeros(len(dense)), s.start])
+    order = np.lexsort((start, index))
+    width = np.concatenate([np.ones(len(dense)), s.width])
+    return Splits(index[order], start[order], width[order], np.hstack([panels.values[:, dense], s.values])[:, order])
+
+
+def _near(values: Floats, breaks: Floats) -> Bools:
+    """Tell which panels may cross a breakpoint: the span of the nodes, widened by half of itself."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    margin = 0.5 * (high - low)
+    low, high = low - margin, high + margin
+    hit = np.zeros(values.shape[1], bool)
+    for b in breaks:
+        hit |= (low <= b) & (high >= b)
+    return hit
+
+
+def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Floats]:
+    """Return (panel, τ, breakpoint, |dv/dτ|) of every crossing.
+
+    Brackets come from sign changes on a fine grid and, so that no graze is missed, at the turning points between.
+    """
+    q = len(parts.values)
+    course = np.asarray(rule(q).to_legendre @ parts.values)
+    slope = np.asarray(2 * legendre.legder(course, axis=0), np.float64)
+    grid = np.linspace(0.0, 1.0, 3 * q + 1)
+    fine = _continued(np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course), parts)
+    cell, panel, turn = _turning(slope, grid)
+    extreme = _evaluate(course[:, panel], turn)
+    found: list[tuple[Ints, Floats, Ints, Floats]] = []
+    for k, b in enumerate(breaks):
+        side, away = fine >= b, np.abs(fine - b).max(axis=0) > 1e-13 * max(abs(b), 1e-300)
+        c, p = np.nonzero((side[1:] != side[:-1]) & away)
+        graze = (side[cell, panel] == side[cell + 1, panel]) & ((extreme >= b) != side[cell, panel]) & away[panel]
+        gp, gt, gc = panel[graze], turn[graze], cell[graze]
+        owner = np.concatenate([p, gp, gp])
+        low = np.concatenate([grid[c], grid[gc], gt])
+        high = np.concatenate([grid[c + 1], gt, grid[gc + 1]])
+        rising = np.concatenate([side[c + 1, p], ~side[gc, gp], side[gc, gp]])
+        tau = _root(course[:, owner], slope[:, owner], float(b), low, high, rising)
+        found.append((owner, tau, np.full(len(owner), k), np.abs(_evaluate(slope[:, owner], tau))))
+    owner, tau, which, speed = (np.concatenate(column) for column in zip(*found, strict=True))
+    return owner.astype(np.intp), tau, which.astype(np.intp), speed
+
+
+def _continued(fine: Floats, parts: Splits) -> Floats:
+    """Make a panel end on the very number the next one starts with, where only rounding parts them.
+
+    A crossing at a sample is then found once, not twice or never.
+    """
+    joined = np.abs(parts.index[:-1] + parts.start[:-1] + parts.width[:-1] - parts.index[1:] - parts.start[1:]) < 1e-9
+    joined &= np.abs(fine[-1, :-1] - fine[0, 1:]) <= 1e-12 * np.abs(fine).max(initial=0.0)
+    fine[-1, :-1][joined] = fine[0, 1:][joined]
+    return fine
+
+
+def _turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
+    """Return (cell, panel, τ) where a panel's course turns round between two points of the grid."""
+    rate = legendre.legvander(2 * grid - 1, len(slope) - 1) @ slope
+    rising = rate > 0
+    cell, panel = np.nonzero(rising[1:] != rising[:-1])
+    mine = slope[:, panel]
+    bend = np.asarray(2 * legendre.legder(mine, axis=0), np.float64)
+    return cell, panel, _root(mine, bend, 0.0, grid[cell], grid[cell + 1], rising[cell + 1, panel])
+
+
+def _root(course: Floats, slope: Floats, target: float, low: Floats, high: Floats, rising: Bools) -> Floats:
+    """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
+    tau = (low + high) / 2
+    for _ in range(60):
+        error = _evaluate(course, tau) - target
+        above = (error >= 0) == rising
+        low, high = np.where(above, low, tau), np.where(above, tau, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = tau - error / _evaluate(slope, tau)
+        following = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
+        settled = np.all(np.abs(following - tau) <= 1e-15)
+        tau = following
+        if settled:
+            break
+    return np.asarray(tau)
+
+
+def _evaluate(coefficients: Floats, tau: Floats) -> Floats:
+    return np.asarray(legendre.legval(2 * tau - 1, coefficients, tensor=False))
