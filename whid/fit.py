@@ -33,7 +33,7 @@ class Estimate(NamedTuple):
 
     covariance is that of the weighted problem: with weights 1/σ it is the Cramér-Rao bound of Gaussian noise at the
     estimate; without weights it is scaled by the residual variance. Directions that the data do not determine are left
-    out of it (infinite standard errors) and listed in null_directions.
+    out of it and listed in null_directions; a parameter that has a part in one has an infinite standard error.
     """
 
     names: tuple[str, ...]
@@ -41,7 +41,7 @@ class Estimate(NamedTuple):
     std: Annotated[Floats, Quantity(dims=("names",))]
     covariance: Annotated[Floats, Quantity(dims=("names", "names"))]
     rank: int
-    null_directions: Annotated[Floats, Quantity(dims=("null", "names"))]  # orthonormal in scaled parameters
+    null_directions: Annotated[Floats, Quantity(dims=("null", "names"))]  # of unit length, in the parameters' own units
     chi2: float
     dof: int
     iterations: int
@@ -81,7 +81,7 @@ def least_squares(
     weights: Floats | None = None,
     *,
     max_iterations: int = 100,
-    tolerance: float = 1e-10,
+    tolerance: float = 1e-8,
     watch: Callable[[int, float, Floats], None] | None = None,
 ) -> Estimate:
     """Minimise Σ wᵢ² rᵢ(θ)² within bounds, by Levenberg-Marquardt [Nielsen 1999, Damping parameter in Marquardt's method].
@@ -162,7 +162,7 @@ def _negligible(
     """Tell whether the undamped step is small against the standard errors, or against rounding."""
     newton, covariance, _, _ = _solve(triangle, -q_r)
     variance = chi2 / max(m - len(theta), 1) if unknown else 1.0
-    sd = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), 0.0) * variance)
+    sd = np.sqrt(np.diag(covariance) * variance)
     return bool(np.all(np.abs(newton) <= tolerance * sd + 1e-12 * np.abs(theta) + 1e-300))
 
 
@@ -182,9 +182,8 @@ def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
     inverse = vt[kept].T / s[kept]
     values = inverse @ (u[:, kept].T @ b) / scale
     covariance = inverse @ inverse.T / np.outer(scale, scale)
-    null = vt[~kept]
-    lost = np.abs(null).max(axis=0, initial=0.0) > 1e-6
-    covariance[lost, lost] = np.inf
+    null = vt[~kept] / scale
+    null /= np.linalg.norm(null, axis=1, keepdims=True)
     return values, covariance, int(kept.sum()), null
 
 
@@ -195,5 +194,6 @@ def _estimate(
     dof = m - rank
     if unknown:
         covariance = covariance * (chi2 / dof if dof > 0 else np.inf)
-    std = np.sqrt(np.diag(covariance))
+    undetermined = np.abs(null).max(axis=0, initial=0.0) > 1e-6
+    std = np.where(undetermined, np.inf, np.sqrt(np.diag(covariance)))
     return Estimate(names, values, std, covariance, rank, null, chi2, dof, iterations, why)

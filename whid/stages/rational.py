@@ -1,0 +1,218 @@
+"""Joint rational fit: f, front and back as transfer functions at once, orders from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.fit import Estimate
+from whid.quantity import Measured, Quantity, Table
+from whid.stages._chain_fit import ChainFit, RationalResponse, frequencies
+from whid.stages._responses import Responses, StaticPart
+from whid.stages.joint import response_metrics
+
+Floats = NDArray[np.float64]
+Orders = tuple[int, int, int, int]  # zeros and poles of front, zeros and poles of back
+
+
+class Rational(NamedTuple):
+    """Transfer functions of unit static gain and their responses at the measured frequencies.
+
+    num and den descending in s, den[-1] = num[-1] = 1. bic = χ² + p·log(samples), smaller is better.
+    """
+
+    front_num: Annotated[Floats, Quantity(dims=("front_zero",), error="front_num_std")]
+    front_num_std: Annotated[Floats, Quantity(dims=("front_zero",))]
+    front_den: Annotated[Floats, Quantity(dims=("front_pole",), error="front_den_std")]
+    front_den_std: Annotated[Floats, Quantity(dims=("front_pole",))]
+    back_num: Annotated[Floats, Quantity(dims=("back_zero",), error="back_num_std")]
+    back_num_std: Annotated[Floats, Quantity(dims=("back_zero",))]
+    back_den: Annotated[Floats, Quantity(dims=("back_pole",), error="back_den_std")]
+    back_den_std: Annotated[Floats, Quantity(dims=("back_pole",))]
+    front_omega: Annotated[Floats, Quantity("rad/s", dims=("front_omega",))]
+    front_gain: Annotated[Floats, Quantity(dims=("front_omega",), error="front_gain_std")]
+    front_gain_std: Annotated[Floats, Quantity(dims=("front_omega",))]
+    front_phase: Annotated[Floats, Quantity("rad", dims=("front_omega",), error="front_phase_std")]
+    front_phase_std: Annotated[Floats, Quantity("rad", dims=("front_omega",))]
+    back_omega: Annotated[Floats, Quantity("rad/s", dims=("back_omega",))]
+    back_gain: Annotated[Floats, Quantity(dims=("back_omega",), error="back_gain_std")]
+    back_gain_std: Annotated[Floats, Quantity(dims=("back_omega",))]
+    back_phase: Annotated[Floats, Quantity("rad", dims=("back_omega",), error="back_phase_std")]
+    back_phase_std: Annotated[Floats, Quantity("rad", dims=("back_omega",))]
+    phase_covariance: Annotated[Floats, Quantity("rad**2", dims=("phase", "phase"))]  # front, then back
+    tried: Annotated[NDArray[np.intp], Quantity(dims=("candidate", "order"))]
+    bic: Annotated[Floats, Quantity(dims=("candidate",))]
+    reference: float
+    estimate: Estimate
+
+    def table(self) -> Table:
+        """Return the transfer functions."""
+        rows = []
+        for block in ("front", "back"):
+            for part in ("num", "den"):
+                values, errors = getattr(self, f"{block}_{part}"), getattr(self, f"{block}_{part}_std")
+                for power, (v, s) in enumerate(zip(values[::-1], errors[::-1], strict=True)):
+                    if power:
+                        rows.append((f"{block} {part}", f"s^{power}", Measured(float(v), float(s))))
+        e = self.estimate
+        fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; orders by BIC among {len(self.bic)} candidates; static gains are 1"
+        return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), (fit,))
+
+    def metrics(self) -> dict[str, Measured]:
+        """Return gains and phases by name, `front.gain@0.02`."""
+        return {name.partition(".")[2]: value for name, value in response_metrics("rational", self).items()}
+
+
+def rational(
+    static: StaticPart,
+    responses: Responses,
+    samples: int,
+    orders: Orders | None = None,
+    highest: int = 3,
+    free_breaks: tuple[int, ...] = (),
+) -> Rational:
+    """Fit unit-gain transfer functions in front of and behind f to levels and complex harmonics.
+
+    Same criterion as `joint`, with G(s) = (1 + b₁s + …)/(1 + a₁s + …). Without `orders` poles and zeros are added one or
+    two at a time, each from several starts, as long as χ² + p·log(samples) falls. The model fixes the gauge of the phases.
+    Source [Brouri2019], section 4, last paragraph ("transfer functions … can easily be determined").
+    """
+    reference = float(np.exp(np.mean(np.log(responses.omega))))
+    search = _Search(static, responses, reference, float(np.log(samples)), free_breaks)
+    best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb(highest)
+    return _result(best, search)
+
+
+class _Fitted(NamedTuple):
+    orders: Orders
+    problem: ChainFit
+    estimate: Estimate
+    bic: float
+
+
+class _Search:
+    """Order search with warm starts."""
+
+    def __init__(
+        self, static: StaticPart, responses: Responses, reference: float, penalty: float, free_breaks: tuple[int, ...]
+    ) -> None:
+        self.static, self.responses, self.reference = static, responses, reference
+        self.penalty, self.free_breaks = penalty, free_breaks
+        self.omegas = frequencies(responses)
+        self.seen: dict[Orders, _Fitted] = {}
+
+    def climb(self, highest: int) -> _Fitted:
+        """Grow from one pole in each block, while a neighbour is better."""
+        best = self.best_of((0, 1, 0, 1), self.first_starts((0, 1, 0, 1)))
+        while True:
+            rivals = [self.best_of(o, self.grown(best, o)) for o in _neighbours(best.orders, highest) if o not in self.seen]
+            winner = min(rivals, key=lambda f: f.bic, default=best)
+            if winner.bic >= best.bic:
+                return best
+            best = winner
+
+    def first_starts(self, orders: Orders) -> Iterator[tuple[Floats, ...]]:
+        """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other."""
+        top = float(self.omegas[0].max()) / self.reference
+        for ratio in (1.0, 4.0, 0.25):
+            for centre in (2.0 * top, 8.0 * top):
+                m, n, k, j = orders
+                yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
+
+    def grown(self, base: _Fitted, orders: Orders) -> Iterator[tuple[Floats, ...]]:
+        """Yield starts from a smaller model: added poles beyond the band, or the pole split in two; zeros at infinity."""
+        parts = _coefficients(base)
+        for factor in (1.0, 4.0, 16.0):
+            fast = factor * float(self.omegas[1].max()) / self.reference
+            start = []
+            for have, want, is_den in zip(parts, orders, (False, True, False, True), strict=True):
+                polynomial = np.concatenate([[1.0], have])
+                for _ in range(want - len(have)):
+                    polynomial = np.convolve(polynomial, [1.0, 1 / fast]) if is_den else np.append(polynomial, 0.0)
+                start.append(polynomial[1:])
+            yield tuple(start)
+        yield from self.first_starts(orders) if sum(orders) <= 4 else ()
+
+    def best_of(self, orders: Orders, starts: Iterator[tuple[Floats, ...]]) -> _Fitted:
+        """Fit from every start; keep the best stable one."""
+        for b_front, a_front, b_back, a_back in starts:
+            problem = ChainFit(
+                self.responses, self.static,
+                RationalResponse(self.omegas[0], b_front, a_front, self.reference, "front"),
+                RationalResponse(self.omegas[1], b_back, a_back, self.reference, "back"), self.free_breaks,
+            )  # fmt: skip
+            estimate = problem.solve()
+            fitted = _Fitted(orders, problem, estimate, estimate.chi2 + self.penalty * len(estimate.names))
+            if not all(_stable(a) for a in _coefficients(fitted)[1::2]):
+                fitted = fitted._replace(bic=np.inf)
+            if orders not in self.seen or fitted.bic < self.seen[orders].bic:
+                self.seen[orders] = fitted
+        return self.seen[orders]
+
+
+def _neighbours(orders: Orders, highest: int) -> Iterator[Orders]:
+    m, n, k, j = orders
+    for more in ((0, 1, 0, 0), (0, 0, 0, 1), (0, 1, 0, 1), (1, 0, 0, 0), (0, 0, 1, 0), (1, 1, 0, 0), (0, 0, 1, 1)):
+        new = (m + more[0], n + more[1], k + more[2], j + more[3])
+        if new[0] < max(new[1], 1) and new[2] < max(new[3], 1) and max(new) <= highest:
+            yield new
+
+
+def _poles(speed: float, count: int) -> Floats:
+    """Return a₁ … a_n of real poles spread by factors of 2 about a speed."""
+    polynomial = np.ones(1)
+    for k in range(count):
+        polynomial = np.convolve(polynomial, [1.0, 1 / (speed * 2.0 ** (k - (count - 1) / 2))])
+    return polynomial[1:]
+
+
+def _stable(a: Floats) -> bool:
+    return bool(np.all(np.roots(np.concatenate([a[::-1], [1.0]])).real < 0)) if len(np.trim_zeros(a)) else True
+
+
+def _coefficients(fitted: _Fitted) -> list[Floats]:
+    m, n, k, j = fitted.orders
+    return np.split(fitted.estimate.values[len(fitted.estimate.values) - (m + n + k + j) :], np.cumsum([m, n, k]))
+
+
+def _result(best: _Fitted, search: _Search) -> Rational:
+    m, n, k, j = best.orders
+    skip = len(best.estimate.values) - (m + n + k + j)
+    theta, std = best.estimate.values[skip:], best.estimate.std[skip:]
+    unit = search.reference ** -np.concatenate([np.arange(1, count + 1) for count in best.orders])
+    polynomials = [
+        (np.append(v[::-1], 1.0), np.append(s[::-1], 0.0))
+        for v, s in zip(np.split(theta * unit, np.cumsum([m, n, k])), np.split(std * unit, np.cumsum([m, n, k])), strict=True)
+    ]
+    front, d_front = best.problem.front(theta[: m + n])
+    back, d_back = best.problem.back(theta[m + n :])
+    zeta = np.zeros((len(front) + len(back), m + n + k + j), complex)
+    zeta[: len(front), : m + n], zeta[len(front) :, m + n :] = d_front, d_back
+    covariance = best.estimate.covariance[skip:, skip:]
+    log_gain = np.sqrt(np.einsum("fi,ij,fj->f", zeta.real, covariance, zeta.real))
+    phases = zeta.imag @ covariance @ zeta.imag.T
+    g, phase_std, split = np.concatenate([front, back]), np.sqrt(np.diag(phases)), len(front)
+    phase = np.concatenate([_phase(best.problem.front, theta[: m + n]), _phase(best.problem.back, theta[m + n :])])
+    order = sorted(search.seen)
+    return Rational(
+        *(x for pair in polynomials for x in pair),
+        search.omegas[0], abs(g[:split]), abs(g[:split]) * log_gain[:split], phase[:split], phase_std[:split],
+        search.omegas[1], abs(g[split:]), abs(g[split:]) * log_gain[split:], phase[split:], phase_std[split:],
+        phases, np.array(order), np.array([search.seen[o].bic for o in order]), search.reference, best.estimate,
+    )  # fmt: skip
+
+
+def _phase(response: object, theta: Floats) -> Floats:
+    """Return the phase that is continuous from 0 at ω = 0, by summing the angles of the factors."""
+    assert isinstance(response, RationalResponse)
+    m = len(response.numerator)
+    p = 1j * response.omega / response.reference
+
+    def angle(coefficients: Floats) -> Floats:
+        roots = np.roots(np.concatenate([coefficients[::-1], [1.0]]))
+        return np.sum([np.angle(1 - p / r) for r in roots], axis=0) if len(roots) else np.zeros(len(p))
+
+    return np.asarray(angle(theta[:m]) - angle(theta[m:]))
