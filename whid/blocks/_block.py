@@ -14,7 +14,8 @@ from whid.fit import Parameter
 from whid.kinds import Kind
 from whid.signal import Floats, Signal
 
-State = Any  # whatever a block carries from one chunk to the next; None before the first means rest
+State = Any  # what a block carries from one chunk to the next; before the first None (rest) or STEADY
+STEADY = "steady"  # the state that the first value of the incoming signal would have held for ever
 
 
 @dataclass(frozen=True)

@@ -134,34 +134,23 @@ class Linear(Block):
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Filter a chunk; between samples the output is exact where the input is known there."""
         self._check_rate(signal)
-        return filtered(_realised(self, signal.dt, signal.order), signal, state)
+        r = _realised(self, signal.dt, signal.order)
+        return filtered(r, signal, _started(r, signal, state))
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Filter the seeds like the signal; a coefficient's derivative is the response of the augmented system."""
         self._check_rate(signal)
-        own, seed_states, wrt_states = state or (None, [None] * len(seeds), [None] * len(wrt))
         realised = _realised(self, signal.dt, signal.order)
-        output, own = filtered(realised, signal, own)
-        along = [filtered(realised, seed, s) for seed, s in zip(seeds, seed_states, strict=True)]
-        rates = [
-            filtered(_realised(self, signal.dt, signal.order, name), signal, s)
-            for name, s in zip(wrt, wrt_states, strict=True)
-        ]
-        state = (own, [s for _, s in along], [s for _, s in rates])
-        return Tangents(output, [y for y, _ in along] + [y for y, _ in rates], state)
+        runs = [(realised, signal), *((realised, seed) for seed in seeds)]
+        runs += [(_realised(self, signal.dt, signal.order, name), signal) for name in wrt]
+        states = state if isinstance(state, list) else [state] * len(runs)
+        done = [filtered(r, x, _started(r, x, s)) for (r, x), s in zip(runs, states, strict=True)]
+        return Tangents(done[0][0], [y for y, _ in done[1:]], [s for _, s in done])
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return G(0)·level and the state that stays there."""
         r = _realised(self, self.dt or dt, 4)
-        if level == 0:
-            return 0.0, np.zeros(len(r.phi), r.phi.dtype)
-        with np.errstate(all="ignore"):
-            try:
-                x = np.linalg.solve(np.eye(len(r.phi)) - r.phi, r.gamma) * level
-            except np.linalg.LinAlgError:
-                x = np.array([np.inf])
-        if not np.all(np.isfinite(x)) or np.abs(x).max(initial=0.0) > 1e12 * max(abs(level), 1e-300):
-            raise WhidError("block-no-steady-state", "a linear block with a pole at 0 has no steady state")
+        x = _steady_state(r, level)
         return float(np.real(r.c @ x) + r.d * level), x
 
     def _check_rate(self, signal: Signal) -> None:
@@ -197,3 +186,21 @@ def _augmented(block: Linear, name: str) -> StateSpace:
     (a, da), (b, db), (c, dc), (d, dd) = ((np.real(x), np.imag(x) / step) for x in (a, b, c, d))
     zero = np.zeros_like(a)
     return StateSpace(np.block([[a, zero], [da, a]]), np.concatenate([b, db]), np.concatenate([dc, c]), dd)
+
+
+def _started(r: Realised, signal: Signal, state: State) -> State:
+    return _steady_state(r, float(signal.values[0])) if isinstance(state, str) and len(signal.values) else state
+
+
+def _steady_state(r: Realised, level: float) -> Any:
+    """Return the state that a constant input holds: x = Φx + Γ·level."""
+    if level == 0:
+        return np.zeros(len(r.phi), r.phi.dtype)
+    with np.errstate(all="ignore"):
+        try:
+            x = np.linalg.solve(np.eye(len(r.phi)) - r.phi, r.gamma) * level
+        except np.linalg.LinAlgError:
+            x = np.array([np.inf])
+    if not np.all(np.isfinite(x)) or np.abs(x).max(initial=0.0) > 1e12 * abs(level):
+        raise WhidError("block-no-steady-state", "a linear block with a pole at 0 has no steady state")
+    return x
