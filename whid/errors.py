@@ -23,6 +23,49 @@ CATALOGUE: dict[str, Explanation] = {
         "Check the path, its permissions and the free space.",
         FAILED,
     ),
+    "file-exists": Explanation(
+        "A file that is to be written exists already; whid never overwrites one.",
+        "Give another name, or move the file away.",
+        CONFIG,
+    ),
+    "config-file": Explanation(
+        "A config cannot be read: there is no such file, or it is no text, or far too long for a config.",
+        "Check the path; save the file as UTF-8; put data into a data file and name it under `data:`.",
+        CONFIG,
+    ),
+    "config-syntax": Explanation(
+        "A config is not YAML as whid reads it: one document, spaces for indents, every key once, no tags.",
+        "Correct the line; an editor that knows YAML shows the same fault.",
+        CONFIG,
+    ),
+    "config-missing": Explanation(
+        "A key that must be given is not there.", "Add it; `whid kinds NAME` shows the keys of a kind.", CONFIG
+    ),
+    "config-unknown": Explanation(
+        "A key that whid does not know stands in a config.",
+        "Correct or remove it; `whid kinds NAME` shows the keys of a kind.",
+        CONFIG,
+    ),
+    "config-value": Explanation(
+        "A value is not of the kind, or not in the range, that its key allows.",
+        "Write what the message allows; text that looks like a number needs quotes.",
+        CONFIG,
+    ),
+    "config-source": Explanation(
+        "A study says twice, or not at all, where its records come from.",
+        "Give plant and experiment (simulated), or data (one measured record), or records (several).",
+        CONFIG,
+    ),
+    "config-override": Explanation(
+        "A `--set` names a place that the config does not have.",
+        "Write it as `--set plant.chain[1].breaks[0]=-2.5`; lists count from 0.",
+        CONFIG,
+    ),
+    "memory": Explanation(
+        "The study would need more memory than `--max-memory` allows, so it was not started.",
+        "Shorten the experiment, raise dt, or raise `--max-memory`.",
+        CONFIG,
+    ),
     "config-kind": Explanation(
         "A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG
     ),

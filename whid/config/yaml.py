@@ -43,7 +43,15 @@ class Document:
         place = self.keys.get(path, "") if key else ""
         for end in range(len(path), -1, -1):
             place = place or self.places.get(path[:end], "")
-        return ": ".join(part for part in (place or self.file, spelled(path)) if part)
+        typed = place.removeprefix("--set ")
+        return ": ".join(part for part in (place or self.file, spelled(path)) if part and (part == place or part != typed))
+
+    def replaced(self, path: Path, place: str) -> None:
+        """Note that the value of a path now comes from elsewhere."""
+        for places in (self.places, self.keys):
+            for known in [known for known in places if known[: len(path)] == path]:
+                del places[known]
+        self.places[path] = place
 
 
 def spelled(path: Path) -> str:

@@ -1,0 +1,96 @@
+"""What pydantic found wrong → faults in plain words, each with its place and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from whid.config.schema import WORDS, keys, shape
+from whid.config.yaml import Document, Path
+from whid.errors import WhidError
+
+LIMITS = {
+    "greater_than": ("gt", ">"),
+    "greater_than_equal": ("ge", ">="),
+    "less_than": ("lt", "<"),
+    "less_than_equal": ("le", "<="),
+}
+
+
+def faults(errors: Iterable[Mapping[str, Any]], document: Document) -> list[WhidError]:
+    """Return every error as a `WhidError` with `file:line:col: path`, in the order of the file."""
+    found = [_fault(error, document) for error in errors]
+    return sorted(found, key=lambda fault: [int(number) for number in re.findall(r":(\d+)(?=:)", fault.where)[:2]])
+
+
+def near(word: str, allowed: Iterable[str]) -> str:
+    """Return ", did you mean …?" where a name is near, else nothing.
+
+    >>> near("chian", ["chain", "linear"])
+    ', did you mean chain?'
+    """
+    found = difflib.get_close_matches(word, list(allowed), n=1)
+    return f", did you mean {found[0]}?" if found else ""
+
+
+def _fault(error: Mapping[str, Any], document: Document) -> WhidError:
+    location, context, value = error["loc"], error.get("ctx", {}), error["input"]
+    path: Path = tuple(step for step in location if not (isinstance(step, str) and step.startswith("<")) and step != "[key]")
+    what, where = error["type"], document.where(path)
+    if what == "missing":
+        return WhidError("config-missing", "is missing", where)
+    if what == "extra_forbidden":
+        return _unknown(str(location[-1]), location, document.where(path, key=True))
+    if what == "kind":
+        return _kind(value, context, document, path)
+    if what == "whid":
+        place = document.where((*path, *context["where"].split("."))) if context["where"] else where
+        return WhidError(context["code"], context["text"], place)
+    return WhidError("config-value", _value(what, value, context, error["msg"]), where)
+
+
+def _unknown(key: str, location: tuple[Any, ...], where: str) -> WhidError:
+    label = next((step for step in reversed(location) if isinstance(step, str) and step.startswith("<whid.")), "")
+    allowed = keys(label)
+    return WhidError("config-unknown", f"unknown key{near(key, allowed)} (allowed: {', '.join(allowed)})", where)
+
+
+def _kind(value: dict[str, Any], context: Mapping[str, Any], document: Document, path: Path) -> WhidError:
+    kinds, family = context["kinds"].split(), context["family"].rpartition(".")[2]
+    there = f"({family}: {', '.join(kinds)})"
+    if "kind" not in value:
+        return WhidError("config-kind", f"needs `kind:` {there}", document.where(path))
+    named = value["kind"]
+    return WhidError("config-kind", f"no kind {_shown(named)}{near(str(named), kinds)} {there}", document.where((*path, "kind")))
+
+
+def _value(what: str, value: Any, context: Mapping[str, Any], said: str) -> str:
+    """Return what is wrong with a value and what is allowed."""
+    if what == "shape":
+        return f"must be {context['words']}, not {_shown(value)}"
+    if what in LIMITS:
+        name, sign = LIMITS[what]
+        return f"must be {sign} {context[name]}, not {_shown(value)}"
+    if what == "literal_error":
+        names = re.findall(r"'([^']*)'", str(context["expected"]))
+        return f"must be one of {', '.join(names)}, not {_shown(value)}{near(str(value), names)}"
+    if what in ("too_short", "string_too_short"):
+        return f"needs at least {context['min_length']} {'entry' if what == 'too_short' else 'character'}"
+    if what == "int_type":
+        return f"must be a whole number, not {_shown(value)}"
+    if what == "finite_number":
+        return "must be a finite number"
+    if what == "string_pattern_mismatch":
+        return f"not allowed: {_shown(value)} (it must match {context['pattern']})"
+    return said[:1].lower() + said[1:]
+
+
+def _shown(value: Any) -> str:
+    """Return a value, short, or what it is."""
+    form = shape(value)
+    if form in ("list", "mapping", "nothing", "flag"):
+        return str(value).lower() if form == "flag" else WORDS[form]
+    text = repr(value)
+    return f"{'the text ' if form == 'text' else ''}{text if len(text) <= 40 else text[:37] + '…'}"
