@@ -149,6 +149,34 @@ CATALOGUE: dict[str, Explanation] = {
         "Give `start:` and `stop:` in samples after all operations, half-open, or `parts: auto`.",
         CONFIG,
     ),
+    "memory": Explanation(
+        "A study would need more memory than it may have.",
+        "Allow more with `--max-memory 8GB`, or simulate fewer samples.",
+        CONFIG,
+    ),
+    "run-folder": Explanation(
+        "The folder of a run cannot be made or written.",
+        "Check the permissions and the free space of `--out`.",
+        FAILED,
+    ),
+    "run-not-found": Explanation(
+        "There is no finished run here.",
+        "Give the folder that `whid run` printed, such as runs/starter-0123456789.",
+        CONFIG,
+    ),
+    "result-unreadable": Explanation(
+        "A result file is damaged, or was not written by whid.",
+        "Run the study again; its config.yaml stands beside the result.",
+        CONFIG,
+    ),
+    "method-failed": Explanation(
+        "The identification stopped on a fault that has no name of its own.",
+        "What was finished before is in the run folder, the details are in its log.txt; this is a bug, please report it.",
+        FAILED,
+    ),
+    "interrupted": Explanation(
+        "The run was interrupted from the keyboard.", "What was finished is in the run folder; run again for the rest.", 130
+    ),
     "fit-rank": Explanation(
         "The data do not determine every parameter of a fit.",
         "Read the identifiability report: it names the free directions and an experiment that would pin them.",
