@@ -1,0 +1,90 @@
+"""Static curve: the mean output at every constant level of the input, with honest standard errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.errors import WhidError
+from whid.quantity import Measured, Quantity, Table
+from whid.signal import Floats
+from whid.stages._noise import estimate_noise, quantisation_variance, quantum_of
+
+
+class StaticCurve(NamedTuple):
+    """Static curve: mean output at each level, in the order of the visits."""
+
+    level: Annotated[Floats, Quantity("input", ("level",))]
+    mean: Annotated[Floats, Quantity("output", ("level",), error="mean_std")]
+    mean_std: Annotated[Floats, Quantity("output", ("level",))]
+    direction: Annotated[Floats, Quantity("1", ("level",))]  # +1 reached from below, −1 from above, 0 neither
+    samples: Annotated[NDArray[np.intp], Quantity("1", ("level",))]
+    settle: Annotated[float, Quantity("s")]
+    noise_std: Annotated[float, Quantity("output")]
+    ar: Annotated[Floats, Quantity("1", ("lag",))]  # e(t) = Σ ar[k] e(t − 1 − k) + innovation
+    long_run_variance: Annotated[float, Quantity("output²")]  # lim n·var(mean of n)
+    equal_noise: bool  # False: every level has a noise variance of its own
+    quantum: Annotated[float, Quantity("output")]  # step of a coarsely quantised output, 0 without
+
+    def table(self) -> Table:
+        """Return level, direction and mean, a row a visit."""
+        way = {1: "up", -1: "down"}
+        rows = tuple(
+            (float(f"{u:.6g}"), way.get(int(d), ""), Measured(float(m), float(s)), int(n))
+            for u, d, m, s, n in zip(self.level, self.direction, self.mean, self.mean_std, self.samples, strict=True)
+        )
+        order = f"AR({len(self.ar)})" if len(self.ar) else "white"
+        notes = [f"noise std {self.noise_std:.3g}, {order}, long-run variance {self.long_run_variance:.3g}"]
+        notes += [] if self.equal_noise else ["the noise differs between levels: each has its own variance"]
+        notes += [f"output quantised in steps of {self.quantum:.3g}"] if self.quantum else []
+        return Table("static curve", ("level", "reached", "mean", "samples"), rows, tuple(notes))
+
+
+def level_means(
+    holds: Sequence[Floats], level: Floats, direction: Floats, dt: float, settle: float, min_samples: int = 8
+) -> StaticCurve:
+    """Return the mean of what each hold measures after `settle` seconds, and its standard error.
+
+    mean = Σ y/n over samples at settle ≤ t, var(mean) = (γ₀ + 2 Σ (1 − k/n) γₖ)/n with γ of one autoregression pooled over
+    the holds (order by BIC, the bias of removing the means corrected); a hold keeps a noise variance of its own where
+    the holds differ (Bartlett, p < 1e-4). An output quantised so coarsely that its noise cannot dither it keeps the
+    rounding error, up to step/√12. holds: (L) arrays of output, NaN where missing; level (L,), direction (L,) ±1 or 0; dt, settle in s. A hold with
+    fewer than min_samples valid samples left is dropped. Raises `WhidError("stage-too-short")` if none is left.
+    Source [Brouri2019], eq. (3.13), corrected: the sum there has one sample too many.
+
+    >>> holds = [2 + np.random.default_rng(k).normal(size=500) for k in range(5)]
+    >>> curve = level_means(holds, np.arange(5.0), np.ones(5), dt=0.1, settle=10.0)
+    >>> curve.samples[0], bool(np.all(np.abs(curve.mean - 2) < 3 * curve.mean_std)), curve.mean_std.round(3)[0]
+    (400, True, 0.049)
+    """
+    first = int(np.ceil(settle / dt - 1e-9))
+    settled = [np.asarray(hold[first:], float) for hold in holds]
+    count = np.array([np.isfinite(y).sum() for y in settled])
+    kept = np.flatnonzero(count >= min_samples)
+    if not len(kept):
+        raise WhidError("stage-too-short", f"no hold has {min_samples} samples left after a settling time of {settle:.4g} s")
+    settled, count = [settled[h] for h in kept], count[kept]
+    noise = estimate_noise(settled)
+    whole = count == np.array([len(y) for y in settled])
+    variance = np.where(whole, noise.variance_of_mean(count), 0.0)
+    for h in np.flatnonzero(~whole):
+        variance[h] = noise.variance_of_masked_mean(np.isfinite(settled[h]))
+    quantum = quantum_of(np.concatenate(settled))
+    spread = np.array([np.nanstd(y, ddof=1) for y in settled])
+    std = np.sqrt(variance * noise.scale + quantisation_variance(spread, quantum))
+    return StaticCurve(
+        np.asarray(level, float)[kept],
+        np.array([np.nanmean(y) for y in settled]),
+        std,
+        np.asarray(direction, float)[kept],
+        count,
+        settle,
+        float(np.sqrt(noise.autocovariance[0])),
+        noise.ar,
+        noise.long_run_variance,
+        bool(np.all(noise.scale == 1)),
+        quantum,
+    )
