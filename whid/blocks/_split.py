@@ -64,23 +64,28 @@ def onto(seed: Signal, s: Splits) -> Panels:
     panels = seed.panels
     if not len(s.index):
         return panels
-    local = s.start + s.width * rule(len(s.values)).nodes[:, None]
-    return Panels(panels.values, s._replace(values=_values_at(panels, s.index, local, s.start)), panels.impulses)
+    return panels._replace(splits=s._replace(values=refined(panels, s)))
+
+
+def refined(panels: Panels, s: Splits) -> Floats:
+    """Return a signal's values at the nodes of some sub-panels, each of which lies in one panel of the signal."""
+    local = s.start + s.width * rule(len(panels.values)).nodes[:, None]
+    return _values_at(panels, s.index, local, s.start + s.width / 2)
 
 
 def value_at(panels: Panels, index: Ints, when: Floats) -> Floats:
     """Return the value of a signal inside some intervals; where it jumps the right one."""
-    return _values_at(panels, index, when, when)
+    return _values_at(panels, index, when, when + 1e-9)
 
 
 def sides(panels: Panels, index: Ints, when: Floats) -> tuple[Floats, Floats]:
     """Return the limits from the left and from the right; at the end of the last interval twice the left one."""
-    left = _values_at(panels, index, when, when - 1e-6)
+    left = _values_at(panels, index, when, when - 1e-9)
     wrap = (when >= 1.0) & (index + 1 < panels.values.shape[1])
-    right = np.where(when >= 1.0, left, _values_at(panels, index, when, when))
+    right = np.where(when >= 1.0, left, _values_at(panels, index, when, when + 1e-9))
     if wrap.any():
         zero = np.zeros(int(wrap.sum()))
-        right[wrap] = _values_at(panels, index[wrap] + 1, zero, zero)
+        right[wrap] = _values_at(panels, index[wrap] + 1, zero, zero + 1e-9)
     return left, right
 
 
@@ -90,7 +95,7 @@ def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Flo
     own = panels.splits
     if not len(own.index):
         return values
-    panel = np.searchsorted(own.index + own.start, index + place + 1e-9, side="right") - 1
+    panel = np.searchsorted(own.index + own.start, index + place, side="right") - 1
     hit = (panel >= 0) & (own.index[panel] == index)
     p = panel[hit]
     inside = np.clip((local[..., hit] - own.start[p]) / own.width[p], 0.0, 1.0)
@@ -118,7 +123,9 @@ def _near(values: Floats, breaks: Floats) -> Bools:
     low, high = values.min(axis=0), values.max(axis=0)
     margin = 0.5 * (high - low)
     low, high = low - margin, high + margin
-    hit = np.zeros(values.shape[1], bool)
+    if len(breaks) > 16:
+        return np.asarray(np.searchsorted(breaks, low) != np.searchsorted(breaks, high, side="right"))
+    hit = np.zeros(values.shape[1], bool)  # for a handful, a comparison a break is ten times faster
     for b in breaks:
         hit |= (low <= b) & (high >= b)
     return hit
@@ -127,29 +134,32 @@ def _near(values: Floats, breaks: Floats) -> Bools:
 def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Floats]:
     """Return (panel, τ, breakpoint, |dv/dτ|) of every crossing.
 
-    Brackets come from sign changes on a fine grid and, so that no graze is missed, at the turning points between.
+    Every panel is cut into stretches on which it is monotone, a fine grid and its turning points, so that no graze is
+    missed; a stretch whose ends lie on different sides of a breakpoint crosses it once.
     """
     q = len(parts.values)
     course = np.asarray(rule(q).to_legendre @ parts.values)
     slope = np.asarray(2 * legendre.legder(course, axis=0), np.float64)
     grid = np.linspace(0.0, 1.0, 3 * q + 1)
     fine = _continued(np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course), parts)
+    moving = np.ptp(fine, axis=0) > 1e-13 * np.abs(fine).max(initial=0.0)  # a level that sits on a breakpoint only rounds
+    count = np.searchsorted(breaks, fine, side="right")
     cell, panel, turn = _turning(slope, grid)
-    extreme = _evaluate(course[:, panel], turn)
-    found: list[tuple[Ints, Floats, Ints, Floats]] = []
-    for k, b in enumerate(breaks):
-        side, away = fine >= b, np.abs(fine - b).max(axis=0) > 1e-13 * max(abs(b), 1e-300)
-        c, p = np.nonzero((side[1:] != side[:-1]) & away)
-        graze = (side[cell, panel] == side[cell + 1, panel]) & ((extreme >= b) != side[cell, panel]) & away[panel]
-        gp, gt, gc = panel[graze], turn[graze], cell[graze]
-        owner = np.concatenate([p, gp, gp])
-        low = np.concatenate([grid[c], grid[gc], gt])
-        high = np.concatenate([grid[c + 1], gt, grid[gc + 1]])
-        rising = np.concatenate([side[c + 1, p], ~side[gc, gp], side[gc, gp]])
-        tau = _root(course[:, owner], slope[:, owner], float(b), low, high, rising)
-        found.append((owner, tau, np.full(len(owner), k), np.abs(_evaluate(slope[:, owner], tau))))
-    owner, tau, which, speed = (np.concatenate(column) for column in zip(*found, strict=True))
-    return owner.astype(np.intp), tau, which.astype(np.intp), speed
+    peak = np.searchsorted(breaks, _evaluate(course[:, panel], turn), side="right")
+    straight = count[1:] != count[:-1]
+    straight[cell, panel] = False
+    c, p = np.nonzero(straight)
+    owner = np.concatenate([p, panel, panel])
+    low, high = np.concatenate([grid[c], grid[cell], turn]), np.concatenate([grid[c + 1], turn, grid[cell + 1]])
+    before = np.concatenate([count[c, p], count[cell, panel], peak])
+    after = np.concatenate([count[c + 1, p], peak, count[cell + 1, panel]])
+    times = np.abs(after - before) * moving[owner]
+    stretch = np.repeat(np.arange(len(owner)), times)
+    nth = np.arange(len(stretch)) - np.repeat(np.cumsum(times) - times, times)
+    which = np.minimum(before, after)[stretch] + nth
+    owner, rising = owner[stretch], (after > before)[stretch]
+    tau = _root(course[:, owner], slope[:, owner], breaks[which], low[stretch], high[stretch], rising)
+    return owner, tau, which, np.abs(_evaluate(slope[:, owner], tau))
 
 
 def _continued(fine: Floats, parts: Splits) -> Floats:
@@ -173,7 +183,7 @@ def _turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
     return cell, panel, _root(mine, bend, 0.0, grid[cell], grid[cell + 1], rising[cell + 1, panel])
 
 
-def _root(course: Floats, slope: Floats, target: float, low: Floats, high: Floats, rising: Bools) -> Floats:
+def _root(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
     tau = (low + high) / 2
     for _ in range(60):

@@ -11,7 +11,7 @@ import numpy as np
 
 from whid.blocks._block import Block, State, Tangents
 from whid.blocks._split import Crossings, onto, sides, split, value_at
-from whid.signal import Floats, Impulses, Panels, Signal
+from whid.signal import Floats, Impulses, Ints, Panels, Signal
 
 Course = Callable[[], tuple[Panels, Crossings]]  # the input's panels, split at the breakpoints, made when needed
 
@@ -46,11 +46,11 @@ class Static(Block):
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Apply f to the samples and, where the signal lives between them, to its panels."""
-        return self._output(signal, lambda: split(signal, self.breakpoints())), None
+        return self._output(signal, lambda: self._course(signal)), None
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Return f(v), then f′(v)·dv for every seed and ∂f/∂θ for every name, jumps as impulses in time."""
-        course = cache(lambda: split(signal, self.breakpoints()))
+        course = cache(lambda: self._course(signal))
         along = [self._derivative(signal, course, seed, None) for seed in seeds]
         rates = [self._derivative(signal, course, None, name) for name in wrt]
         return Tangents(self._output(signal, course), along + rates, None)
@@ -58,6 +58,15 @@ class Static(Block):
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return f(level); a static block has no state."""
         return float(self.value(np.array([level]))[0]), None
+
+    def _course(self, signal: Signal) -> tuple[Panels, Crossings]:
+        return split(signal, self.breakpoints())
+
+    def _jumps_at(self, which: Ints) -> Floats:
+        return np.asarray(self.jumps()[which])
+
+    def _rates_at(self, which: Ints, name: str) -> Floats:
+        return np.asarray(self.break_rates(name)[which])
 
     def _output(self, signal: Signal, course: Course) -> Signal:
         values = self.value(signal.values)
@@ -93,12 +102,12 @@ class Static(Block):
 
     def _impulses(self, crossings: Crossings, along: Panels | None, name: str | None, dt: float) -> Impulses:
         """J·(dv − db)/|v̇| at every crossing: w jumps by ±J there, and the crossing moves by −(dv − db)/v̇."""
-        jump = self.jumps()[crossings.which] if len(crossings.which) else np.empty(0)
+        jump = self._jumps_at(crossings.which)
         keep = (jump != 0) & (crossings.speed > 0)
         c = crossings.where(keep)
         moved = np.zeros(len(c.at)) if along is None else value_at(along, c.interval, c.at)
         if name is not None:
-            moved = moved - self.break_rates(name)[c.which]
+            moved = moved - self._rates_at(c.which, name)
         return Impulses(c.interval, c.at, jump[keep] * moved / c.speed * dt)
 
     def _passed(self, panels: Panels, impulses: Impulses) -> Impulses:
