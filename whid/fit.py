@@ -88,7 +88,8 @@ def least_squares(
 
     residual(θ) → (m,), tangent(θ) → (m, p) = ∂r/∂θ, weights (m,) = 1/σ (None: σ unknown). Complex data: stack real and
     imaginary parts. `watch(iteration, χ², θ)` is called at every accepted step. Ctrl-C keeps the best so far and says
-    "interrupted". Converged: no coordinate of the next undamped step exceeds `tolerance` standard errors or 1e-12 of θ.
+    "interrupted". Converged: the next undamped step is shorter than `tolerance` standard errors, or would change χ² by
+    less than rounding does; it is taken and the fit ends.
 
     >>> t = np.arange(5.0)
     >>> fit = least_squares(lambda p: np.exp(-p[0] * t) - np.exp(-0.3 * t), lambda p: (-t * np.exp(-p[0] * t))[:, None],
@@ -111,8 +112,10 @@ def least_squares(
             scale[scale == 0] = 1.0
             step = np.zeros_like(theta)
             q_r, triangle = _reduced(jacobian[:, free] / scale[free], r)
-            if _negligible(triangle, q_r, theta[free] * scale[free], tolerance, chi2, len(r), weights is None):
-                why = "converged"
+            variance = chi2 / max(len(r) - len(theta), 1) if weights is None else 1.0
+            if q_r @ q_r <= max(tolerance**2 * variance, 1e-13 * chi2):  # what an undamped step would still gain
+                step[free] = _solve(triangle, -q_r)[0] / scale[free]
+                theta, why = np.clip(theta + step, lower, upper), "converged"
                 break
             stacked = np.concatenate([triangle, np.sqrt(mu) * np.eye(triangle.shape[1])])
             target = np.concatenate([-q_r, np.zeros(triangle.shape[1])])
@@ -154,16 +157,6 @@ def _reduced(jacobian: Floats, r: Floats) -> tuple[Floats, Floats]:
     """Return Qᵀr and R of the QR factorisation: everything a step needs, p numbers instead of m."""
     q, triangle = np.linalg.qr(jacobian)
     return q.T @ r, triangle
-
-
-def _negligible(
-    triangle: Floats, q_r: Floats, theta: Floats, tolerance: float, chi2: float, m: int, unknown: bool
-) -> bool:
-    """Tell whether the undamped step is small against the standard errors, or against rounding."""
-    newton, covariance, _, _ = _solve(triangle, -q_r)
-    variance = chi2 / max(m - len(theta), 1) if unknown else 1.0
-    sd = np.sqrt(np.diag(covariance) * variance)
-    return bool(np.all(np.abs(newton) <= tolerance * sd + 1e-12 * np.abs(theta) + 1e-300))
 
 
 def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whid.fit import Estimate, Parameter, least_squares
 from whid.stages._inner_harmonics import inner_harmonics
 from whid.stages._responses import Complexes, Floats, Responses, StaticPart
 from whid.stages.identifiability import distinct, nearest
+
+Ints = NDArray[np.intp]
 
 
 class Response(Protocol):
@@ -66,7 +70,8 @@ class RationalResponse(NamedTuple):
         return top / bottom, np.hstack([powers[:, :m] / top[:, None], -powers[:, :n] / bottom[:, None]])
 
 
-class ChainFit(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ChainFit:
     """Residuals and tangents of H_k = A_k(|x|)·e^{jk arg x}·G_back(jkω), x = phasor·G_front(jω), and of f at the levels."""
 
     responses: Responses
@@ -78,17 +83,14 @@ class ChainFit(NamedTuple):
     def parameters(self) -> list[Parameter]:
         """Return f's coefficients, its free breaks, then the numbers of front and back."""
         s = self.static
-        f = [
-            Parameter(f"f.pieces.{piece}.{power}", float(s.coefficients[piece, power]), "output")
-            for piece, degree in enumerate(s.degrees)
-            for power in range(degree + 1)
-        ]
+        f = [Parameter(f"f.pieces.{p}.{k}", float(s.coefficients[p, k]), "output") for p, k in zip(*self._places, strict=True)]
         f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self.free_breaks]
         return f + self.front.parameters() + self.back.parameters()
 
     def solve(self, max_iterations: int = 60) -> Estimate:
         """Fit everything at once; the weights are the measured standard errors."""
-        weights = 1 / np.concatenate([self.static.mean_std, _stack_std(self.responses)])
+        std = self.responses.value_std[self._present]
+        weights = 1 / np.concatenate([self.static.mean_std, std, std[self._turning]])
         cache: dict[bytes, tuple[Floats, Floats]] = {}
 
         def evaluated(theta: Floats) -> tuple[Floats, Floats]:
@@ -104,78 +106,71 @@ class ChainFit(NamedTuple):
 
     def linearised(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return (residual, tangent): levels first, then the harmonics, real parts and imaginary parts."""
-        r, s = self.responses, self.static
-        coefficients, breaks, sizes = self._static(theta)
-        nf, nb = sizes
-        front_count = len(self.front.parameters())
-        front, d_front = self.front(theta[nf + nb : nf + nb + front_count])
-        back, d_back = self.back(theta[nf + nb + front_count :])
-        front_omega, back_omega = frequencies(r)
-        design = self._level_design(breaks)
-        f_levels = design @ theta[:nf]
-        rows, tangents = [], []
-        for e in range(len(r.omega)):
-            place = nearest(front_omega, r.omega[e])
-            x = r.phasor[e] * front[place]
-            ks = np.array(r.orders[e])
-            inner = inner_harmonics(breaks, coefficients, float(r.offset[e]), float(abs(x)), int(ks.max()))
-            turn = np.exp(1j * ks * np.angle(x))
-            which = [nearest(back_omega, k * r.omega[e]) if k else -1 for k in ks]
-            g = np.array([1.0 if w < 0 else back[w] for w in which])
-            a, da = inner.value[ks], inner.by_amplitude[ks]
-            rows.append(a * turn * g - r.value[e, ks])
-            block = np.zeros((len(ks), len(theta)), complex)
-            block[:, :nf] = (turn * g)[:, None] * np.concatenate(
-                [inner.by_coefficient[ks, p, : d + 1] for p, d in enumerate(s.degrees)], axis=1
-            )
-            block[:, nf : nf + nb] = (turn * g)[:, None] * inner.by_break[np.ix_(ks, self.free_breaks)] if nb else 0
-            zeta = d_front[place]
-            along = abs(x) * da[:, None] * zeta.real + 1j * (ks * a)[:, None] * zeta.imag
-            block[:, nf + nb : nf + nb + front_count] = (turn * g)[:, None] * along
-            for row, w in enumerate(which):
-                if w >= 0:
-                    block[row, nf + nb + front_count :] = (a * turn * g)[row] * d_back[w]
-            tangents.append(block)
-        level_rows = np.hstack([design, np.zeros((len(design), len(theta) - nf))])
+        r, s, (e, k) = self.responses, self.static, self._present
+        of_f, of_breaks, of_front, of_back = self._slices
+        coefficients, breaks = np.zeros_like(s.coefficients), s.breaks.copy()
+        coefficients[self._places] = theta[of_f]
+        breaks[list(self.free_breaks)] = theta[of_breaks]
+        front, d_front = self.front(theta[of_front])
+        back, d_back = self.back(theta[of_back])
+        x = r.phasor * front[self._front_place]
+        inner = inner_harmonics(breaks, coefficients, r.offset, np.abs(x), int(k.max()))
+        place = self._back_place
+        beyond = np.where(place < 0, 1.0, back[place]) * np.exp(1j * k * np.angle(x)[e])
+        tangent = np.zeros((len(e), len(theta)), complex)
+        tangent[:, of_f] = beyond[:, None] * inner.by_coefficient[e, k][:, *self._places]
+        tangent[:, of_breaks] = beyond[:, None] * inner.by_break[e, k][:, list(self.free_breaks)]
+        zeta = d_front[self._front_place][e]
+        tangent[:, of_front] = beyond[:, None] * (
+            (np.abs(x)[e] * inner.by_amplitude[e, k])[:, None] * zeta.real + 1j * (k * inner.value[e, k])[:, None] * zeta.imag
+        )
+        model = inner.value[e, k] * beyond
+        tangent[:, of_back] = np.where(place < 0, 0.0, model)[:, None] * d_back[place]
+        piece = np.searchsorted(breaks, s.level, side="right")
+        levels = np.zeros((len(s.level), len(theta)))
+        levels[:, of_f] = np.where(piece[:, None] == self._places[0], s.level[:, None] ** self._places[1], 0.0)
+        gap, turning = model - r.value[e, k], self._turning
         return (
-            np.concatenate([f_levels - s.mean, *(_stack(row, r.orders[e]) for e, row in enumerate(rows))]),
-            np.concatenate([level_rows, *(_stack(block, r.orders[e]) for e, block in enumerate(tangents))]),
+            np.concatenate([levels[:, of_f] @ theta[of_f] - s.mean, gap.real, gap.imag[turning]]),
+            np.concatenate([levels, tangent.real, tangent.imag[turning]]),
         )
 
-    def _static(self, theta: Floats) -> tuple[Floats, Floats, tuple[int, int]]:
-        s = self.static
-        coefficients, breaks = np.zeros_like(s.coefficients), s.breaks.copy()
-        start = 0
-        for piece, degree in enumerate(s.degrees):
-            coefficients[piece, : degree + 1] = theta[start : start + degree + 1]
-            start += degree + 1
-        breaks[list(self.free_breaks)] = theta[start : start + len(self.free_breaks)]
-        return coefficients, breaks, (start, len(self.free_breaks))
+    @cached_property
+    def _places(self) -> tuple[Ints, Ints]:
+        """(piece, power) of every coefficient of f that is a parameter."""
+        degrees = np.array(self.static.degrees)
+        return np.nonzero(np.arange(self.static.coefficients.shape[1]) <= degrees[:, None])
 
-    def _level_design(self, breaks: Floats) -> Floats:
-        s = self.static
-        piece = np.searchsorted(breaks, s.level, side="right")
-        columns = [np.where(piece == p, s.level**k, 0.0) for p, d in enumerate(s.degrees) for k in range(d + 1)]
-        return np.array(columns).T.reshape(len(s.level), len(columns))
+    @cached_property
+    def _slices(self) -> tuple[slice, slice, slice, slice]:
+        counts = (len(self._places[0]), len(self.free_breaks), len(self.front.parameters()), len(self.back.parameters()))
+        ends = np.cumsum(counts)
+        return tuple(slice(int(end) - n, int(end)) for end, n in zip(ends, counts, strict=True))  # type: ignore[return-value]
+
+    @cached_property
+    def _present(self) -> tuple[Ints, Ints]:
+        """(sine, harmonic) of every datum."""
+        pairs = np.array([(e, k) for e, ks in enumerate(self.responses.orders) for k in ks])
+        return pairs[:, 0], pairs[:, 1]
+
+    @cached_property
+    def _turning(self) -> NDArray[np.bool_]:
+        """Which data have an imaginary part: all but the means."""
+        return np.asarray(self._present[1] > 0)
+
+    @cached_property
+    def _front_place(self) -> Ints:
+        omegas = frequencies(self.responses)[0]
+        return np.array([nearest(omegas, w) for w in self.responses.omega])
+
+    @cached_property
+    def _back_place(self) -> Ints:
+        """Where each datum's kω stands among the frequencies of back; −1 for the mean, whose gain is 1."""
+        omegas = frequencies(self.responses)[1]
+        return np.array([nearest(omegas, k * self.responses.omega[e]) if k else -1 for e, k in zip(*self._present, strict=True)])
 
 
 def frequencies(responses: Responses) -> tuple[Floats, Floats]:
     """Return the distinct frequencies at which front and back are seen."""
     seen = [k * w for w, ks in zip(responses.omega, responses.orders, strict=True) for k in ks if k]
     return distinct(responses.omega), distinct(np.array(seen))
-
-
-def _stack(z: Complexes, orders: Sequence[int]) -> Floats:
-    """Return real parts, then the imaginary parts of all but the mean."""
-    imaginary = np.asarray(orders) > 0
-    return np.concatenate([z.real, z.imag[imaginary]])
-
-
-def _stack_std(responses: Responses) -> Floats:
-    parts = []
-    for e, ks in enumerate(responses.orders):
-        std = responses.value_std[e, list(ks)]
-        parts.append(np.concatenate([std, std[np.asarray(ks) > 0]]))
-    return np.concatenate(parts)
-
-

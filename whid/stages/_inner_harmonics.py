@@ -13,12 +13,12 @@ Floats = NDArray[np.float64]
 
 
 class InnerHarmonics(NamedTuple):
-    """A_k of w = Σ_k A_k cos kθ, k = 0 … K, and how it changes."""
+    """A_k of w = Σ_k A_k cos kθ, k = 0 … K, for E sines, and how it changes."""
 
-    value: Floats  # (K + 1,)
-    by_amplitude: Floats  # (K + 1,)
-    by_coefficient: Floats  # (K + 1, S + 1, d + 1)
-    by_break: Floats  # (K + 1, S)
+    value: Floats  # (E, K + 1)
+    by_amplitude: Floats  # (E, K + 1)
+    by_coefficient: Floats  # (E, K + 1, S + 1, d + 1)
+    by_break: Floats  # (E, K + 1, S)
 
 
 @lru_cache
@@ -27,45 +27,42 @@ def _nodes(count: int) -> tuple[Floats, Floats]:
     return (x + 1) / 2, w / 2
 
 
-def inner_harmonics(breaks: Floats, coefficients: Floats, offset: float, amplitude: float, highest: int) -> InnerHarmonics:
+def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplitude: Floats, highest: int) -> InnerHarmonics:
     """Return A_k = (2/π) ∫₀^π f(offset + amplitude·cos θ) cos kθ dθ (half of it for k = 0), k = 0 … highest.
 
-    breaks (S,) ascending, coefficients (S + 1, d + 1) ascending powers of v, zero-padded. Each smooth arc is integrated by
-    enough Gauss-Legendre nodes to be exact to rounding. Source [Brouri2019], eqs. (3.21)-(3.23); [PAPERS A, build 6].
+    breaks (S,) ascending, coefficients (S + 1, d + 1) ascending powers of v, zero-padded, offset (E,), amplitude (E,) > 0.
+    From θ = 0 down the sine passes the pieces from the last to the first; each arc (empty where a break is out of reach) is
+    integrated by enough Gauss-Legendre nodes to be exact to rounding.
+    Source [Brouri2019], eqs. (3.21)-(3.23); [PAPERS A, build 6].
 
-    >>> inner_harmonics(np.empty(0), np.array([[0.0, 0.0, 1.0]]), 2.0, 1.0, 2).value.round(12)  # (2 + cos θ)²
-    array([4.5, 4. , 0.5])
+    >>> square = np.array([[0.0, 0.0, 1.0]])
+    >>> inner_harmonics(np.empty(0), square, np.array([2.0]), np.array([1.0]), 2).value.round(12)  # (2 + cos θ)²
+    array([[4.5, 4. , 0.5]])
     """
-    k = np.arange(highest + 1)
+    e, k, (pieces, size) = len(offset), np.arange(highest + 1), coefficients.shape
     factor = np.where(k == 0, 1.0, 2.0) / np.pi
-    inside = np.abs(breaks - offset) < amplitude
-    crossings = np.arccos((breaks[inside] - offset) / amplitude)[::-1]  # ascending θ
-    edges = np.concatenate([[0.0], crossings, [np.pi]])
-    count = 12 + (highest + coefficients.shape[1]) * 3 // 2 // max(1, len(edges) - 2) + 8
-    x, w = _nodes(count)
-    theta = edges[:-1, None] + np.diff(edges)[:, None] * x
-    weight = np.diff(edges)[:, None] * w
-    v = offset + amplitude * np.cos(theta)
-    middle = offset + amplitude * np.cos((edges[:-1] + edges[1:]) / 2)
-    piece = np.searchsorted(breaks, middle)
-    powers = v[..., None] ** np.arange(coefficients.shape[1])  # (arcs, nodes, d + 1)
-    f = np.einsum("anp,ap->an", powers, coefficients[piece])
-    degree = np.arange(1, coefficients.shape[1])
-    slope = np.einsum("anp,ap->an", powers[..., :-1], coefficients[piece, 1:] * degree)
-    cosines = np.cos(k[:, None, None] * theta) * weight  # (K + 1, arcs, nodes)
-    value = factor * np.einsum("kan,an->k", cosines, f)
-    by_amplitude = factor * np.einsum("kan,an->k", cosines, slope * np.cos(theta))
-    by_coefficient = np.zeros((len(k), *coefficients.shape))
-    for arc, place in enumerate(piece):
-        by_coefficient[:, place] += factor[:, None] * np.einsum("kn,np->kp", cosines[:, arc], powers[arc])
-    by_break = np.zeros((len(k), len(breaks)))
-    for j in np.flatnonzero(inside):
-        angle = np.arccos((breaks[j] - offset) / amplitude)
-        jump = float(np.polynomial.polynomial.polyval(breaks[j], coefficients[j + 1] - coefficients[j]))
+    level = (breaks[::-1] - offset[:, None]) / amplitude[:, None]
+    edges = np.hstack([np.zeros((e, 1)), np.arccos(np.clip(level, -1, 1)), np.full((e, 1), np.pi)])
+    x, w = _nodes(14 + (highest + size) * 3 // 2)
+    width = np.diff(edges, axis=1)[..., None]
+    theta = edges[:, :-1, None] + width * x  # (E, S + 1, nodes), pieces from the last to the first
+    cos = np.cos(theta)
+    powers = (offset[:, None, None] + amplitude[:, None, None] * cos)[..., None] ** np.arange(size)
+    own = coefficients[::-1]
+    slope = np.einsum("eanp,ap->ean", powers[..., :-1], own[:, 1:] * np.arange(1, size))
+    cosines = np.cos(k[:, None, None, None] * theta) * (width * w)  # (K + 1, E, S + 1, nodes)
+    by_coefficient = (np.einsum("kean,eanp->ekap", cosines, powers) * factor[:, None, None])[:, :, ::-1]
+    value = np.einsum("ekap,ap->ek", by_coefficient, coefficients)
+    by_amplitude = np.einsum("kean,ean->ek", cosines, slope * cos) * factor
+    by_break = np.zeros((e, len(k), pieces - 1))
+    for j, b in enumerate(breaks):
+        inside = np.abs(b - offset) < amplitude
+        angle = np.arccos((b - offset[inside]) / amplitude[inside])
+        jump = float(np.polynomial.polynomial.polyval(b, coefficients[j + 1] - coefficients[j]))
         # above the break (θ < angle) f is the upper piece: A = ∫₀^angle upper + ∫_angle^π lower
-        speed = amplitude * np.sin(angle)
-        by_break[:, j] = -factor * np.cos(k * angle) * jump / speed
-        by_amplitude += factor * np.cos(k * angle) * jump * np.cos(angle) / speed
+        moved = factor * np.cos(k * angle[:, None]) * (jump / (amplitude[inside] * np.sin(angle)))[:, None]
+        by_break[inside, :, j] = -moved
+        by_amplitude[inside] += moved * np.cos(angle)[:, None]
     return InnerHarmonics(value, by_amplitude, by_coefficient, by_break)
 
 

@@ -76,8 +76,8 @@ def stepwise(static: StaticPart, responses: Responses, degree: int | None = None
         inner = _inner_gain(f.values, float(responses.offset[e]), abs(responses.phasor[e]), responses.value[e, 0].real)
         if inner is None:
             continue
-        a = inner_harmonics(no_breaks, f.values[None, :], float(responses.offset[e]), inner, max(ks))
-        by_f, by_g = a.by_coefficient[:, 0, :], a.by_amplitude
+        a = inner_harmonics(no_breaks, f.values[None, :], responses.offset[[e]], np.array([inner]), max(ks))
+        value, by_f, by_g = a.value[0], a.by_coefficient[0, :, 0, :], a.by_amplitude[0]
         # dg = (dH₀ − A₀,c dc)/A₀,g : the gain's derivative with respect to (H₀, c)
         dg = np.concatenate([[1.0], -by_f[0]]) / by_g[0]
         covariance = np.zeros((degree + 2, degree + 2))
@@ -87,8 +87,8 @@ def stepwise(static: StaticPart, responses: Responses, degree: int | None = None
         for k in ks:
             if k:
                 size = abs(responses.value[e, k])
-                back[e, k - 1] = size / abs(a.value[k])
-                dlog = -(np.concatenate([[0.0], by_f[k]]) + by_g[k] * dg) / a.value[k]
+                back[e, k - 1] = size / abs(value[k])
+                dlog = -(np.concatenate([[0.0], by_f[k]]) + by_g[k] * dg) / value[k]
                 own = (responses.value_std[e, k] / size) ** 2
                 back_std[e, k - 1] = back[e, k - 1] * np.sqrt(own + dlog @ covariance @ dlog)
     return Stepwise(responses.omega, np.arange(1, count + 1), front, front_std, back, back_std, f.values, f.std)
