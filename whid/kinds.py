@@ -28,7 +28,6 @@ class Kind:
 
     family: ClassVar[str] = ""  # the package that is the registry, e.g. "whid.blocks"
     kind: ClassVar[str] = ""  # the YAML name = the module's name
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid", "alias_generator": yaml_key, "allow_inf_nan": False}
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
@@ -65,10 +64,9 @@ def plain(value: Any) -> Any:
     {'kind': 'dead_zone', 'low': -1.0, 'high': 2.0}
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        named = {"kind": value.kind} if isinstance(value, Kind) and value.kind else {}
-        if value.__class__.__name__.lower() in (f.name for f in dataclasses.fields(value)):
-            named = {}  # chain, parallel: the field of the kind's own name says the kind
-        return named | {
+        kind = value.kind if isinstance(value, Kind) else ""
+        own = any(f.name == kind for f in dataclasses.fields(value))  # chain, parallel: the key says the kind
+        return ({"kind": kind} if kind and not own else {}) | {
             yaml_key(f.name): plain(getattr(value, f.name))
             for f in dataclasses.fields(value)
             if getattr(value, f.name) != f.default
@@ -77,7 +75,7 @@ def plain(value: Any) -> Any:
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    return value
+    return repr(value).strip("()") if isinstance(value, complex) else value
 
 
 @lru_cache

@@ -21,7 +21,7 @@ LIMITS = {
 
 def faults(errors: Iterable[Mapping[str, Any]], document: Document) -> list[WhidError]:
     """Return every error as a `WhidError` with `file:line:col: path`, in the order of the file."""
-    found = [_fault(error, document) for error in errors]
+    found = [_fault(error, document) for error in errors if not _echo(error)]
     return sorted(found, key=lambda fault: [int(number) for number in re.findall(r":(\d+)(?=:)", fault.where)[:2]])
 
 
@@ -33,6 +33,11 @@ def near(word: str, allowed: Iterable[str]) -> str:
     """
     found = difflib.get_close_matches(word, list(allowed), n=1)
     return f", did you mean {found[0]}?" if found else ""
+
+
+def _echo(error: Mapping[str, Any]) -> bool:
+    """Tell whether a list is called too short only because its entries have faults of their own."""
+    return bool(error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"])
 
 
 def _fault(error: Mapping[str, Any], document: Document) -> WhidError:
@@ -62,17 +67,19 @@ def _kind(value: dict[str, Any], context: Mapping[str, Any], document: Document,
     there = f"({family}: {', '.join(kinds)})"
     if "kind" not in value:
         return WhidError("config-kind", f"needs `kind:` {there}", document.where(path))
-    named = value["kind"]
-    return WhidError("config-kind", f"no kind {_shown(named)}{near(str(named), kinds)} {there}", document.where((*path, "kind")))
+    named = str(value["kind"])
+    return WhidError(
+        "config-kind", f"no kind {named[:40]!r}{near(named, kinds) or ' ' + there}", document.where((*path, "kind"))
+    )
 
 
 def _value(what: str, value: Any, context: Mapping[str, Any], said: str) -> str:
     """Return what is wrong with a value and what is allowed."""
-    if what == "shape":
+    if what in ("shape", "text"):
         return f"must be {context['words']}, not {_shown(value)}"
     if what in LIMITS:
         name, sign = LIMITS[what]
-        return f"must be {sign} {context[name]}, not {_shown(value)}"
+        return f"must be {sign} {context[name]:g}, not {_shown(value)}"
     if what == "literal_error":
         names = re.findall(r"'([^']*)'", str(context["expected"]))
         return f"must be one of {', '.join(names)}, not {_shown(value)}{near(str(value), names)}"
@@ -82,8 +89,6 @@ def _value(what: str, value: Any, context: Mapping[str, Any], said: str) -> str:
         return f"must be a whole number, not {_shown(value)}"
     if what == "finite_number":
         return "must be a finite number"
-    if what == "string_pattern_mismatch":
-        return f"not allowed: {_shown(value)} (it must match {context['pattern']})"
     return said[:1].lower() + said[1:]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 from pydantic_core import ValidationError
 
@@ -16,6 +16,7 @@ from whid.config.yaml import Document, Path, dump, parse, spelled
 from whid.errors import Faults, WhidError
 from whid.files.text import read_text
 from whid.kinds import plain
+from whid.system import System
 
 
 def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides: Sequence[str] = ()) -> Study:
@@ -32,9 +33,20 @@ def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides
     return study_of(Document(_builtin(plain(source))), overrides)
 
 
+def as_system(tree: Mapping[str, Any] | str) -> System:
+    """Return the system of a mapping, or of its YAML text, such as a result holds.
+
+    >>> as_system("chain: [{kind: dead_zone, low: -1, high: 2}]").chain[0].high
+    2.0
+    """
+    document = parse(tree) if isinstance(tree, str) else Document(_builtin(tree))
+    system: System = _checked(document, System, [])
+    return system
+
+
 def study_of(document: Document, overrides: Sequence[str] = ()) -> Study:
     """Return the study that plain values declare; raise `Faults`."""
-    found = []
+    found: list[WhidError] = []
     for override in overrides:
         try:
             _override(document, override)
@@ -42,12 +54,7 @@ def study_of(document: Document, overrides: Sequence[str] = ()) -> Study:
             found += error.faults
         except WhidError as error:
             found.append(error)
-    try:
-        study: Study = validator().validate_python(document.value)
-    except ValidationError as error:
-        found += faults(error.errors(include_url=False), document)
-    if found:
-        raise Faults(found)
+    study: Study = _checked(document, Study, found)
     return study
 
 
@@ -68,33 +75,50 @@ def steps(path: str) -> Path:
 
 
 def _override(document: Document, text: str) -> None:
-    """Set one value; a key that the file leaves out is added and judged with the rest."""
-    typed, equals, value_text = text.partition("=")
+    """Set one value; a key that the file leaves out is added, and judged with the rest."""
+    typed, equals, value = (part.strip() for part in text.partition("="))
     place = f"--set {typed}"
     if not equals:
         raise WhidError("config-override", "write it as path=value", place)
-    path, done, here = steps(typed.strip()), (), document.value
-    value = parse(value_text, place).value
-    for i, step in enumerate(path):
-        last = i == len(path) - 1
-        if isinstance(here, list) and len(here) == 1 and isinstance(step, str):
-            here, done = here[0], (*done, 0)  # a list of one is as good as its entry
-        if isinstance(here, list):
-            if not isinstance(step, int) or step >= len(here):
-                raise WhidError("config-override", f"{spelled(done)} is a list: its entries are 0 … {len(here) - 1}", place)
-        elif not isinstance(here, dict):
-            raise WhidError("config-override", f"{spelled(done) or 'the config'} holds no keys", place)
-        elif not last and here.get(str(step)) is None:
-            if str(step) not in here and near(str(step), here):
-                raise WhidError("config-override", f"{spelled((*done, step))} is not there{near(str(step), here)}", place)
-            here[str(step)] = {}
-        key: Any = step if isinstance(here, list) else str(step)
-        done = (*done, key)
-        if last:
-            here[key] = value
-        else:
-            here = here[key]
-    document.replaced(done, place)
+    new = parse(value, place).value
+    here, path = document.value, cast(Path, ())
+    *way, last = steps(typed)
+    for step in way:
+        here, path = _entry(here, path, step, place)
+        key = path[-1]
+        if isinstance(here, dict) and here.get(key) is None:
+            if key not in here and near(str(key), here):
+                raise WhidError("config-override", f"{spelled(path)} is not there{near(str(key), here)}", place)
+            here[key] = {}
+        here = here[key]
+    here, path = _entry(here, path, last, place)
+    here[path[-1]] = new
+    document.replaced(path, place)
+
+
+def _entry(here: Any, path: Path, step: str | int, place: str) -> tuple[Any, Path]:
+    """Return the list or mapping that a step enters, and the path of the entry."""
+    if isinstance(here, list) and len(here) == 1 and isinstance(step, str):
+        here, path = here[0], (*path, 0)  # a list of one is as good as its entry
+    if isinstance(here, list):
+        if not isinstance(step, int) or step >= len(here):
+            raise WhidError("config-override", f"{spelled(path)} is a list: its entries are 0 … {len(here) - 1}", place)
+        return here, (*path, step)
+    if not isinstance(here, dict):
+        raise WhidError("config-override", f"{spelled(path) or 'the config'} holds no keys", place)
+    return here, (*path, str(step))
+
+
+def _checked(document: Document, cls: type, found: list[WhidError]) -> Any:
+    """Return the object that plain values declare; raise what was found before together with what is wrong with them."""
+    value = None
+    try:
+        value = validator(cls).validate_python(document.value)
+    except ValidationError as error:
+        found = found + faults(error.errors(include_url=False), document)
+    if found:
+        raise Faults(found)
+    return value
 
 
 def _builtin(value: Any) -> Any:

@@ -42,16 +42,16 @@ CONSTRAINTS = {at.Gt: "gt", at.Ge: "ge", at.Lt: "lt", at.Le: "le", at.MinLen: "m
 
 
 @lru_cache
-def validator() -> SchemaValidator:
-    """Return the validator of a whole study."""
-    return SchemaValidator(_Builder().whole(Study))
+def validator(cls: type = Study) -> SchemaValidator:
+    """Return the validator of a study, or of a part of one."""
+    return SchemaValidator(_Builder().whole(cls))
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a study, for editors."""
     from pydantic.json_schema import GenerateJsonSchema
 
-    found = _tidied(GenerateJsonSchema().generate(_Builder().whole(Study)))
+    found: dict[str, Any] = _tidied(GenerateJsonSchema().generate(_Builder().whole(Study)))
     return {"$schema": GenerateJsonSchema.schema_dialect, "title": "whid study"} | found
 
 
@@ -117,7 +117,9 @@ class _Builder:
         if origin in (Union, UnionType):
             return [found for argument in arguments for found in self.alternatives(argument)]
         if origin is Annotated:
-            return [(form, label, _constrained(schema, arguments[1:])) for form, label, schema in self.alternatives(arguments[0])]
+            return [
+                (form, label, _constrained(schema, arguments[1:])) for form, label, schema in self.alternatives(arguments[0])
+            ]
         if origin is Literal:
             return [(shape(arguments[0]), shape(arguments[0]), core_schema.literal_schema(list(arguments)))]
         if origin in (tuple, list):
@@ -196,20 +198,23 @@ class _Builder:
         return core_schema.no_info_after_validator_function(make, whole)
 
 
-def is_short(cls: type[Any]) -> bool:
+def is_short(cls: Any) -> bool:
     """Tell whether a kind may be written without `kind:`, as `chain: [...]`: it has a field of its own name."""
-    return cls.kind in (f.name for f in dataclasses.fields(cls))
+    return any(field.name == cls.kind for field in dataclasses.fields(cls))
 
 
 def _constrained(schema: Any, markers: tuple[Any, ...]) -> CoreSchema:
     """Return the schema with the bounds of `Annotated[...]`; markers of whid's own (`Free`) bound nothing here."""
     if schema["type"] == "function-before":  # a whole number
-        return schema | {"schema": _constrained(schema["schema"], markers)}
+        return {**schema, "schema": _constrained(schema["schema"], markers)}
     if schema["type"] in ("function-after", "none", "literal"):  # one mapping in place of a list; not bounded
         return schema  # type: ignore[no-any-return]
     for marker in markers:
         if isinstance(marker, Match):
-            schema = schema | {"pattern": marker.pattern}
+            schema = core_schema.custom_error_schema(
+                schema | {"pattern": marker.pattern}, "text", custom_error_message="{words}",
+                custom_error_context={"words": marker.words},
+            )  # fmt: skip
         elif type(marker) in CONSTRAINTS:
             schema = schema | {CONSTRAINTS[type(marker)]: getattr(marker, CONSTRAINTS[type(marker)])}
         elif isinstance(marker, at.BaseMetadata | at.GroupedMetadata):

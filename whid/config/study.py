@@ -23,7 +23,7 @@ class Match:
 
 
 # a folder is named after the study: no separators, no leading dot
-Name = Annotated[str, Match(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", "letters, digits, `-`, `_` and `.`, at most 64, no leading `.`")]
+NAME = Match(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", "1 to 64 letters, digits, `-`, `_`, `.`, no `.` in front")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class Study:
     sweep      what `whid sweep` varies
     """
 
-    name: Name
+    name: Annotated[str, NAME]
     seed: Annotated[int, Ge(0)] = 0
     plant: System | None = None
     experiment: tuple[Experiment, ...] = ()
@@ -91,7 +91,7 @@ class Study:
         if (self.plant is None) != (not self.experiment):
             missing = "experiment" if self.plant else "plant"
             raise WhidError("config-source", "plant and experiment go together", missing)
-        names = [record.name for record in (*self.experiment, *self.sources)]
+        names = [record.name for record in self.experiment] + [source.name for source in self.sources]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise WhidError("config-value", f"two records are named {twice!r}: give each a `name:` of its own")

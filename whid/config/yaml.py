@@ -103,7 +103,7 @@ class _Loader(yaml.SafeLoader):
         self.tagged: set[int] = set()
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()
+        event = self.peek_event()  # type: ignore[no-untyped-call]
         if self.depth > DEPTH:
             raise yaml.MarkedYAMLError(problem=f"nested deeper than {DEPTH}", problem_mark=event.start_mark)
         self.depth += 1
@@ -143,11 +143,12 @@ class _Reader:
         if not self.enter(node, path):
             return None
         self.inside.append(id(node))
+        value: Any = None
         if isinstance(node, yaml.MappingNode):
-            value: Any = {key: self.read(item, (*path, key)) for key, item in self.pairs(node, path)}
+            value = {key: self.read(item, (*path, key)) for key, item in self.pairs(node, path)}
         elif isinstance(node, yaml.SequenceNode):
             value = [self.read(item, (*path, i)) for i, item in enumerate(node.value)]
-        else:
+        elif isinstance(node, yaml.ScalarNode):
             value = self.scalar(node, path)
         self.inside.pop()
         return value
@@ -218,7 +219,7 @@ class _Reader:
 
 
 def _short(node: yaml.Node) -> str:
-    return repr(node.value[:40]) if isinstance(node, yaml.ScalarNode) else f"a {node.id}"
+    return repr(node.value[:40]) if isinstance(node, yaml.ScalarNode) else "a list or mapping"
 
 
 def _said(error: yaml.YAMLError, text: str, file: str) -> tuple[str, str]:

@@ -8,9 +8,13 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
+from whid.errors import WhidError
 from whid.experiments._part import Part
 from whid.experiments.hold import Hold
 from whid.signal import Floats
+
+
+LEVELS = 100_000  # a plan holds one part a level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +33,10 @@ class Staircase(Part):
     step: Annotated[float, Gt(0)]
     hold_s: Annotated[float, Gt(0)]
     return_: bool = False
+
+    def __post_init__(self) -> None:
+        if abs(self.to - self.from_) / self.step > LEVELS:
+            raise WhidError("config-value", f"a step of {self.step:g} makes more than {LEVELS} levels", "step")
 
     def levels(self) -> Floats:
         """Return the levels on the way out."""

@@ -1,0 +1,60 @@
+"""How much memory a study will need, before anything starts."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from whid.config.study import Study
+from whid.errors import WhidError
+from whid.files.source import DataSource, locate
+
+START = 150_000_000  # bytes: Python with numpy, scipy, matplotlib and h5py loaded
+SAMPLE = 180  # bytes a sample at the peak: input, output, prediction, residual, masks, and what a stage copies
+FILE = {".csv": 6, ".txt": 6, ".tsv": 6, ".dat": 6, ".gz": 30}  # a byte of text in bytes at the peak; gzip is 5 to 1
+BINARY = 8  # 24 bytes a sample in the file
+UNITS = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+
+
+def memory(study: Study, base: Path = Path()) -> int:
+    """Return an estimate of the peak memory of `whid run`, bytes; base is the folder that data files are relative to.
+
+    START + SAMPLE · samples simulated + (6 … 30) · size of the data files. An experiment too long to count is sys.maxsize.
+    """
+    try:
+        simulated = sum(experiment.samples() for experiment in study.experiment)
+    except (OverflowError, MemoryError):
+        return sys.maxsize
+    return min(START + SAMPLE * simulated + sum(_file(source, base) for source in study.sources), sys.maxsize)
+
+
+def size(text: str) -> int:
+    """Return a size such as 4GB, 500 MB or 1e9 in bytes; raise `WhidError("config-value")`.
+
+    >>> size("4GB"), size("1.5 mb")
+    (4000000000, 1500000)
+    """
+    found = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]{1,2})?)\s*([KMGT]?B?)\s*", text, re.IGNORECASE)
+    unit = found[2].upper() if found else ""
+    try:
+        return int(float(found[1]) * UNITS[unit if unit.endswith("B") or not unit else unit + "B"])  # type: ignore[index]
+    except (TypeError, ValueError):
+        raise WhidError("config-value", "must be a size such as 4GB or 500MB", text) from None
+
+
+def human(count: float) -> str:
+    """Return a number of bytes as people read it.
+
+    >>> human(2.52e9), human(180_000)
+    ('2.5 GB', '0.18 MB')
+    """
+    return f"{count / 1e9:.2g} GB" if count >= 1e9 else f"{count / 1e6:.2g} MB"
+
+
+def _file(source: DataSource, base: Path) -> int:
+    try:
+        path = locate(source.file, base)
+    except (WhidError, OSError, ValueError):
+        return 0  # that the file is missing is said by whoever opens it
+    return path.stat().st_size * FILE.get(path.suffix.lower(), BINARY)
