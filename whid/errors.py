@@ -177,6 +177,11 @@ CATALOGUE: dict[str, Explanation] = {
     "interrupted": Explanation(
         "The run was interrupted from the keyboard.", "What was finished is in the run folder; run again for the rest.", 130
     ),
+    "stage-too-short": Explanation(
+        "A part is too short for its stage: no settled samples, or no whole period after the lead.",
+        "Hold levels longer, measure more periods, or set fewer lead periods.",
+        FAILED,
+    ),
     "fit-rank": Explanation(
         "The data do not determine every parameter of a fit.",
         "Read the identifiability report: it names the free directions and an experiment that would pin them.",
