@@ -1,0 +1,77 @@
+"""How good a model is: its error on each use of the data, and against the truth where a plant was simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.blocks.linear import Linear
+from whid.methods._method import Model
+from whid.predict import rms
+from whid.quantity import Measured
+from whid.record import Record
+from whid.signal import Floats
+from whid.stages.identifiability import distinct
+from whid.system import System
+
+Metrics = dict[str, float | Measured]
+
+
+def score(
+    model: Model, records: Sequence[Record], residuals: Sequence[Floats], truth: System | None = None
+) -> Metrics:
+    """Return every metric by name.
+
+    {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)
+    {front|back}.{gain|phase}.error.max   largest error at the frequencies that the sines reached, static gain 1
+    nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there
+    """
+    metrics: Metrics = {}
+    for use in ("estimation", "selection", "report"):
+        error = np.concatenate([r[record.using(use)] for record, r in zip(records, residuals, strict=True)])
+        output = [record.y[record.using(use)] for record in records]
+        spread = np.concatenate([y - y.mean() for y in output if len(y)]) if len(error) else np.empty(0)
+        if len(error):
+            nrmse = rms(error) / rms(spread) if rms(spread) > 0 else float("nan")
+            metrics |= {f"{use}.rms": rms(error), f"{use}.nrmse": nrmse, f"{use}.fit": 100 * (1 - nrmse)}
+    return metrics | (dict(_against(model.system, records, truth)) if truth else {})
+
+
+def units(metric: str) -> str:
+    """Return the unit of a metric."""
+    if metric.endswith(".rms"):
+        return "output" if metric.count(".") == 1 else "1"
+    return "rad" if ".phase" in metric else "%" if metric.endswith(".fit") else "1"
+
+
+def linear_gain(system: System, side: str, omega: Floats) -> NDArray[np.complex128]:
+    """Return G(jω)/G(0) of the linear blocks before the first (front) or after the last (back) nonlinear one."""
+    chain = system.chain if side == "front" else system.chain[::-1]
+    product, static = np.ones(len(omega), complex), 1.0 + 0j
+    for block in chain:
+        if not isinstance(block, Linear):
+            break
+        product = product * block.gain_at(omega)
+        static *= complex(block.gain_at(np.zeros(1))[0])
+    return np.asarray(product / static)
+
+
+def _against(system: System, records: Sequence[Record], truth: System) -> Iterator[tuple[str, float]]:
+    sines = [(part.radians(r.dt), part) for r in records for part in r.parts if part.kind == "sine"]  # type: ignore[attr-defined]
+    fundamentals = distinct(np.array([w for w, _ in sines]))
+    reached = {"front": fundamentals, "back": distinct(np.concatenate([fundamentals, 2 * fundamentals]))}
+    for side, omega in reached.items():
+        if len(omega):
+            ratio = linear_gain(system, side, omega) / linear_gain(truth, side, omega)
+            true = np.abs(linear_gain(truth, side, omega))
+            yield f"{side}.gain.error.max", float(np.abs(np.abs(ratio) * true - true).max())
+            yield f"{side}.phase.error.max", float(np.abs(np.angle(ratio)).max())
+    levels = np.unique([part.level for r in records for part in r.parts if part.kind == "hold"])  # type: ignore[attr-defined]
+    if len(levels):
+        dt = records[0].dt
+        ours, true = (np.array([s.tree.steady(float(u), dt)[0] for u in levels]) for s in (system, truth))
+        span = float(np.ptp(true)) or 1.0
+        yield "nonlinearity.error.max", float(np.abs(ours - true).max() / span)
+        yield "nonlinearity.error.rms", rms(ours - true) / span
