@@ -1,0 +1,224 @@
+"""The flow: a study's records, its method's stages, their score, and the folder that keeps them.
+
+    obtain records ─► identify (stage by stage, wanted experiments served) ─► assess ─► check bounds ─► keep
+
+Every step is a call. A run that fails on the way keeps what was finished, with the reason.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from whid import plots, score, summary
+from whid.config.load import as_system, load_study, resolved
+from whid.config.memory import memory
+from whid.config.study import Study
+from whid.errors import WhidError
+from whid.experiments._experiment import Experiment
+from whid.files import run_folder
+from whid.files.ingest import ingest
+from whid.files.provenance import provenance
+from whid.files.result import read_result, write_result
+from whid.files.run_folder import RunFolder
+from whid.files.source import locate
+from whid.methods._method import Wanted
+from whid.quantity import Measured
+from whid.record import Record
+from whid.residual import residual
+from whid.result import Asked, Check, Failure, Result, snake_case
+from whid.signal import Floats
+from whid.simulate import simulate
+
+Watch = Callable[[str, float], None]  # a finished step and its seconds
+
+
+def run(
+    config: str | Path | Mapping[str, Any] | Study,
+    out: str | Path = "runs",
+    overrides: Sequence[str] = (),
+    *,
+    force: bool = False,
+    max_memory: float = 4e9,
+    watch: Watch | None = None,
+) -> Result:
+    """Run a study and return its result, kept in `<out>/<name>-<hash10>/`.
+
+    The same study on the same data is not run again: its finished result is returned, `reused`; `force` runs it into a
+    sibling folder. A method that fails does not raise: the result has its `error` and every stage before it.
+    `watch(step, seconds)` is called after every step. Raises `WhidError` for a faulty config, a missing data file, a
+    study beyond `max_memory` (bytes), a folder that cannot be written.
+    """
+    study = config if isinstance(config, Study) else load_study(config, overrides)
+    base = Path(config).parent if isinstance(config, (str, Path)) else Path()
+    _refuse_beyond(max_memory, memory(study, base))
+    origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
+    stem = run_folder.stem(study.name, origin["hash"])
+    if not force and (done := run_folder.finished(Path(out), stem)):
+        return replace(load(done), reused=True)
+    with RunFolder(Path(out), stem) as folder:
+        work = _Work(study, base, _Clock(folder.log, watch))
+        work.attempt(work.obtain, work.identify, work.assess)
+        return _kept(work.result(origin), folder, work.clock)
+
+
+def load(path: str | Path) -> Result:
+    """Return the result in a run folder (or of a result.h5); raise `WhidError("run-not-found")` if there is none."""
+    file = Path(path)
+    file = file / "result.h5" if file.is_dir() else file
+    if not file.is_file():
+        raise WhidError("run-not-found", "no result.h5 here", str(path))
+    return read_result(file, as_system)
+
+
+@dataclass
+class _Clock:
+    """Tells the log, and whoever watches, what was finished and how long it took."""
+
+    log: Callable[[str], None]
+    watch: Watch | None
+    since: float = field(default_factory=time.perf_counter)
+
+    def tick(self, step: str) -> None:
+        now = time.perf_counter()
+        seconds, self.since = now - self.since, now
+        self.log(f"{step} ({seconds:.3f} s)")
+        if self.watch:
+            self.watch(step, seconds)
+
+
+@dataclass
+class _Work:
+    """A run under way: what is finished so far."""
+
+    study: Study
+    base: Path
+    clock: _Clock
+    records: list[Record] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    stages: dict[str, Any] = field(default_factory=dict)
+    asked: list[Asked] = field(default_factory=list)
+    residuals: tuple[Floats, ...] = ()
+    metrics: dict[str, float | Measured] = field(default_factory=dict)
+    error: Failure | None = None
+    doing: str = ""
+
+    def __post_init__(self) -> None:
+        self.seeds = np.random.SeedSequence(self.study.seed)
+
+    def attempt(self, *steps: Callable[[], None]) -> None:
+        """Do the steps; a fault ends the work, not what was finished."""
+        try:
+            for step in steps:
+                self.doing = step.__name__
+                step()
+        except WhidError as fault:
+            self.error = Failure(fault.code, str(fault), self.doing)
+        except KeyboardInterrupt:
+            self.error = Failure("interrupted", "interrupted; what was finished is kept", self.doing)
+        except Exception as fault:
+            self.clock.log(traceback.format_exc())
+            self.error = Failure("method-failed", f"{type(fault).__name__}: {fault}", self.doing)
+
+    def obtain(self) -> None:
+        """Simulate the experiments or ingest the files."""
+        for experiment in self.study.experiment:
+            self.perform(experiment)
+        for source in self.study.sources:
+            found = ingest(source, self.base)
+            self.records.append(found.record)
+            self.notes += [f"{found.record.name}: {note}" for note in found.notes]
+            self.clock.tick(f"ingested {found.record.name}, {len(found.record)} samples")
+
+    def perform(self, experiment: Experiment) -> Record:
+        """Simulate one experiment with a generator of its own."""
+        assert self.study.plant is not None
+        rng = np.random.default_rng(self.seeds.spawn(1)[0])
+        self.records.append(simulate(self.study.plant, experiment, rng))
+        self.clock.tick(f"simulated {experiment.name}, {len(self.records[-1])} samples")
+        return self.records[-1]
+
+    def identify(self) -> None:
+        """Run the method on what it may see, collect its stages, serve the experiments it wants."""
+        stages = self.study.identify([_open(record) for record in self.records], self.study.model)
+        answer: Record | None = None
+        try:
+            while True:
+                found = stages.send(answer)
+                answer = self.serve(found) if isinstance(found, Wanted) else self.collect(found)
+        except StopIteration:
+            if "model" not in self.stages:
+                raise WhidError("method-failed", "the method yielded no model") from None
+
+    def serve(self, wanted: Wanted) -> Record | None:
+        """Perform an experiment on a simulated plant; measured data cannot answer."""
+        experiments = self.study.experiment
+        self.asked.append(Asked(wanted.reason, wanted.predicted_se, len(wanted.plan), bool(experiments)))
+        if not experiments:
+            return None
+        return _open(self.perform(replace(experiments[0], parts=wanted.plan, name=f"wanted_{len(self.asked)}")))
+
+    def collect(self, stage: Any) -> None:
+        """Keep a stage's result under its class' name, numbered from the second of a class on."""
+        base = name = snake_case(type(stage).__name__)
+        number = 2
+        while name in self.stages:
+            name, number = f"{base}_{number}", number + 1
+        self.stages[name] = stage
+        self.doing = f"identify, after {name}"
+        self.clock.tick(name)
+
+    def assess(self) -> None:
+        """Open the report parts: the residual of every record, then the score."""
+        model = self.stages["model"]
+        self.residuals = tuple(residual(model.system.tree, record) for record in self.records)
+        self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
+        self.clock.tick("score")
+
+    def result(self, origin: Mapping[str, Any]) -> Result:
+        """Return what there is, its bounds checked."""
+        paths = dict.fromkeys(experiment.path for experiment in self.study.experiment)
+        facts = {"seed": self.study.seed, "path": " and ".join(paths) or "measured", "method": self.study.identify.kind}
+        return Result(
+            name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
+            residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
+            checks=tuple(Check(b.metric, _value(self.metrics.get(b.metric)), b.below, b.above) for b in self.study.expect),
+            provenance={**origin, **facts, "notes": tuple(self.notes)},
+        )  # fmt: skip
+
+
+def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
+    """Draw, tabulate and write a result; a picture that fails is a warning."""
+    pictures, faults = plots.draw(result, folder.path)
+    clock.tick("pictures")
+    result = replace(result, pictures=pictures, warnings=(*result.warnings, *faults))
+    result = replace(result, tables=summary.tables(result))
+    write_result(folder.path / "result.h5", result, score.units)
+    folder.write("config.yaml", result.provenance["config"])
+    folder.write("summary.md", summary.page(result))
+    clock.tick("written")
+    if result.error:
+        folder.write("error.json", json.dumps(result.error._asdict(), indent=2))
+        clock.log(f"error[{result.error.code}] in {result.error.during}: {result.error.message}")
+    return replace(result, path=folder.keep("" if result.error else result.provenance["hash"]))
+
+
+def _refuse_beyond(allowed: float, needed: float) -> None:
+    if needed > allowed:
+        raise WhidError("memory", f"this study needs about {needed / 1e9:.2g} GB, {allowed / 1e9:.2g} GB are allowed")
+
+
+def _open(record: Record) -> Record:
+    """Return what a method may see of a record: no output of a report part."""
+    return record.without("report") if record.using("report").any() else record
+
+
+def _value(metric: float | Measured | None) -> float | None:
+    return metric.value if isinstance(metric, Measured) else metric

@@ -1,0 +1,73 @@
+"""What pictures ask of a system: its linear blocks before and after the nonlinearity, its static curve, bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+def linear_blocks(system: Any, side: str) -> list[int]:
+    """Return the places in the chain of the linear blocks in front of or behind the nonlinear ones; [] without those."""
+    linear = [hasattr(block, "gain_at") for block in system.chain]
+    if all(linear):
+        return list(range(len(linear))) if side == "front" else []
+    first, last = linear.index(False), len(linear) - 1 - linear[::-1].index(False)
+    return list(range(first)) if side == "front" else list(range(last + 1, len(linear)))
+
+
+def gain(system: Any, places: list[int], omega: Floats) -> Complexes:
+    """Return G(jω)/G(0) of linear blocks in series: what does not depend on how the static gain is shared out."""
+    g, dc = np.ones(len(omega), complex), 1.0 + 0.0j
+    with np.errstate(all="ignore"):
+        for place in places:
+            g = g * system.chain[place].gain_at(omega)
+            dc = dc * complex(system.chain[place].gain_at(np.zeros(1))[0])
+    return g / dc if np.isfinite(dc) and dc != 0 else g
+
+
+def gain_and_band(model: Any, places: list[int], omega: Floats) -> tuple[Complexes, Floats]:
+    """Return G(jω)/G(0) of a model and the standard error of its logarithm: of log gain (real), of phase (imaginary)."""
+
+    def log_gain(values: Floats) -> Complexes:
+        changed = dict(zip(np.asarray(names)[mine], values, strict=True))
+        chain = tree.with_parameters({str(name): float(value) for name, value in changed.items()}).chain
+        return np.log(gain(_Chain(chain), places, omega))
+
+    names, tree = model.estimate.names, model.system.tree
+    mine = [j for j, name in enumerate(names) if any(name.startswith(f"chain.{place}.") for place in places)]
+    covariance = np.asarray(model.estimate.covariance)[np.ix_(mine, mine)]
+    nominal = gain(model.system, places, omega)
+    if not mine or not np.all(np.isfinite(covariance)):
+        return nominal, np.full((2, len(omega)), np.nan)
+    slopes = _slopes(log_gain, np.asarray(model.estimate.values, float)[mine], np.sqrt(np.diag(covariance)))
+    variance = [np.einsum("pw,pq,qw->w", part, covariance, part) for part in (slopes.real, slopes.imag)]
+    return nominal, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _slopes(function: Callable[[Floats], Complexes], at: Floats, std: Floats) -> Complexes:
+    """Return the derivatives (p, ω) by central differences over a hundredth of a standard error."""
+    steps = np.where(std > 0, 0.01 * std, 1e-6 * np.maximum(np.abs(at), 1e-6))
+    shifts = np.diag(steps)
+    return np.array([(function(at + d) - function(at - d)) / (2 * h) for d, h in zip(shifts, steps, strict=True)])
+
+
+class _Chain:
+    def __init__(self, chain: Any) -> None:
+        self.chain = chain
+
+
+def steady_curve(system: Any, levels: Floats, dt: float) -> Floats:
+    """Return the output level of every constant input, NaN where there is none."""
+    out = np.full(len(levels), np.nan)
+    for k, level in enumerate(levels):
+        try:
+            out[k] = system.tree.steady(float(level), dt)[0]
+        except Exception:  # noqa: BLE001, S112 (a curve with a gap)
+            continue
+    return out

@@ -1,0 +1,57 @@
+"""What the model leaves over, against time, and its spectrum beside the output's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, note
+
+NEEDS = ("residuals",)
+USES = {"estimation": MODEL, "selection": "#009E73", "report": TRUTH}
+MOST = 3  # records in one picture
+
+
+def draw(run: Any, figure: Figure) -> None:
+    """Draw a row a record: the residual over time on the left, the two spectra on the right."""
+    shown = [(r, e) for r, e in zip(run.records, run.residuals, strict=True) if np.isfinite(e).sum() > 1][:MOST]
+    figure.set_size_inches(8.4, 1.2 + 2.3 * len(shown))
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.5, 1))
+    for (left, right), (record, residual) in zip(axes, shown, strict=True):
+        _course(left, record, residual)
+        _spectra(right, record, residual)
+    axes[-1, 0].set_xlabel("time, s")
+    axes[-1, 1].set_xlabel("frequency, rad/s")
+
+
+def _course(axes: Axes, record: Any, residual: Floats) -> None:
+    """Draw the residual, each use in its own colour."""
+    for use, colour in USES.items():
+        on = record.using(use) & np.isfinite(residual)
+        if on.any():
+            axes.plot(*envelope(record.time, np.where(on, residual, np.nan)), color=colour, lw=0.5, label=use)
+    rest = ~np.any([record.using(use) for use in USES], axis=0) & np.isfinite(residual)
+    if rest.any():
+        axes.plot(*envelope(record.time, np.where(rest, residual, np.nan)), color=QUIET, lw=0.5, label="in no part")
+    axes.set_ylabel(label("output − model", record.units["output"]))
+    axes.set_title(record.name)
+    known = residual[np.isfinite(residual)]
+    note(axes, f"rms {np.sqrt(np.mean(known**2)):.3g}, output std {np.nanstd(record.y):.3g}")
+    if len(axes.lines) > 1:
+        axes.legend(loc="best", ncols=4)
+
+
+def _spectra(axes: Axes, record: Any, residual: Floats) -> None:
+    from scipy.signal import welch
+
+    known = np.isfinite(residual)
+    length = int(min(max(256, len(residual) // 16), 1 << 14, len(residual)))
+    for x, colour, name in ((record.y, QUIET, "output"), (residual, MODEL, "residual")):
+        filled = np.where(known, x, np.mean(x[known]))
+        frequency, density = welch(filled, 1 / record.dt, nperseg=length, detrend="constant")
+        axes.loglog(2 * np.pi * frequency[1:], np.sqrt(density[1:] / (2 * np.pi)), color=colour, lw=0.9, label=name)
+    axes.set_ylabel(f"amplitude density, {record.units['output'].replace('1', '') or 'units'}/√(rad/s)")
+    axes.legend(loc="best")

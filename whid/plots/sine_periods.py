@@ -1,0 +1,84 @@
+"""One period of every sine: the output averaged over the periods, and the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from whid.plots._style import MEASURED, MODEL, QUIET, Floats, label
+
+NEEDS = ("residuals", "sine")
+MOST = 6  # sines in one picture
+
+
+class Fold(NamedTuple):
+    """A sine folded on its period: bins of phase, the mean output and model there, the error of the mean."""
+
+    phase: Floats  # (n,) 0 … 1
+    mean: Floats
+    std: Floats
+    model: Floats
+    title: str
+
+
+def draw(run: Any, figure: Figure) -> None:
+    """Draw a column a sine: output and model above, their difference below."""
+    folds = list(_folds(run))
+    shown = folds[:MOST]
+    rows, columns = -(-len(shown) // 3), min(len(shown), 3)
+    figure.set_size_inches(max(2.7 * columns, 4.5), 3.9 * rows)
+    axes = figure.subplots(2 * rows, columns, sharex=True, squeeze=False, height_ratios=(2.4, 1) * rows)
+    units = run.records[0].units
+    for k, fold in enumerate(shown):
+        _one(axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns], fold)
+    for k in range(len(shown), rows * columns):
+        axes[2 * (k // columns), k % columns].axis("off")
+        axes[2 * (k // columns) + 1, k % columns].axis("off")
+    for row in range(rows):
+        axes[2 * row, 0].set_ylabel(label("output", units["output"]))
+        axes[2 * row + 1, 0].set_ylabel("output − model")
+    for ax in axes[-1]:
+        ax.set_xlabel("time / period")
+    axes[0, 0].legend(loc="best")
+    if len(folds) > MOST:
+        figure.suptitle(f"the first {MOST} of {len(folds)} sines", fontsize=9)
+
+
+def _one(upper: Axes, lower: Axes, fold: Fold) -> None:
+    upper.plot(fold.phase, fold.mean, ".", color=MEASURED, ms=2.5, label="measured, mean of periods")
+    upper.plot(fold.phase, fold.model, color=MODEL, lw=1.2, label="model")
+    upper.set_title(fold.title, fontsize=9)
+    lower.axhline(0, color=MODEL, lw=1)
+    lower.fill_between(fold.phase, -1.96 * fold.std, 1.96 * fold.std, color=QUIET, alpha=0.3, lw=0, label="95 % of noise")
+    lower.plot(fold.phase, fold.mean - fold.model, ".", color=MEASURED, ms=2.5)
+
+
+def _folds(run: Any) -> Iterator[Fold]:
+    """Yield every sine of every record, its lead periods left out."""
+    for record, residual in zip(run.records, run.residuals, strict=True):
+        for part in record.parts:
+            if part.kind == "sine" and part.start is not None:
+                start = part.start + round(part.lead_periods * part.period)
+                y, e = record.y[start : part.stop], residual[start : part.stop]
+                if np.isfinite(e).any():
+                    yield _fold(y, e, part.period, f"ω = {part.radians(record.dt):.3g} rad/s at {part.offset:g}")
+
+
+def _fold(y: Floats, residual: Floats, period: float, title: str) -> Fold:
+    """Average in bins of phase, a sample a bin where the period is short."""
+    bins = min(round(period), 400)
+    turn = np.arange(len(y)) / period % 1
+    index = np.minimum((turn * bins + 1e-6).astype(int), bins - 1)
+    known = np.isfinite(residual) & np.isfinite(y)
+    count = np.maximum(np.bincount(index[known], minlength=bins), 1)
+
+    def mean(x: Floats) -> Floats:
+        return np.asarray(np.bincount(index[known], x[known], minlength=bins) / count)
+
+    scatter = mean(residual**2) - mean(residual) ** 2
+    pooled = np.sqrt(np.mean(scatter * count / np.maximum(count - 1, 1)))
+    return Fold(mean(turn), mean(y), pooled / np.sqrt(count), mean(y - residual), title)

@@ -1,0 +1,113 @@
+"""Result: everything a run found, in memory; `files/result.py` writes it and reads it back under the same names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from whid.errors import CATALOGUE, WhidError
+from whid.quantity import Measured, Table
+from whid.record import Record
+from whid.signal import Floats
+from whid.system import System
+
+BREACHED, NOT_MEASURED = 4, 5
+
+
+class Check(NamedTuple):
+    """One `expect:` bound held against the metric it names; `value` is None where there is no such metric."""
+
+    metric: str
+    value: float | None
+    below: float | None = None
+    above: float | None = None
+
+    @property
+    def verdict(self) -> Literal["pass", "breached", "not measured"]:
+        """Return how the bound came out; NaN is never a pass.
+
+        >>> [Check("front.gain.error.max", v, below=0.003).verdict for v in (0.001, float("nan"), None)]
+        ['pass', 'breached', 'not measured']
+        """
+        if self.value is None:
+            return "not measured"
+        low = self.above is None or self.value > self.above
+        high = self.below is None or self.value < self.below
+        return "pass" if self.value == self.value and low and high else "breached"
+
+
+class Asked(NamedTuple):
+    """An experiment that a method asked for (`Wanted`), and whether the runner could perform it."""
+
+    reason: str
+    predicted_se: float
+    parts: int
+    performed: bool
+
+
+class Failure(NamedTuple):
+    """Why a run is incomplete: the code and message of the fault, and what was being done."""
+
+    code: str
+    message: str
+    during: str
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a run found.
+
+    records    what was simulated or ingested, then what methods asked for
+    stages     every stage's NamedTuple by its snake_case class name, in order; the model is the last
+    residuals  y − ŷ of every record (NaN where there is no y), empty without a model
+    metrics    numbers by name, `Measured` where they have a standard error
+    provenance config text, versions, seed, hashes, notes
+    """
+
+    name: str
+    records: tuple[Record, ...]
+    stages: Mapping[str, Any]
+    truth: System | None = None
+    residuals: tuple[Floats, ...] = ()
+    metrics: Mapping[str, float | Measured] = field(default_factory=dict)
+    checks: tuple[Check, ...] = ()
+    asked: tuple[Asked, ...] = ()
+    warnings: tuple[str, ...] = ()
+    error: Failure | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[str, ...] = ()
+    path: Path | None = None
+    reused: bool = False
+
+    @property
+    def model(self) -> Any:
+        """Return the identified Model; raise the `WhidError` that stopped the run if there is none."""
+        if "model" not in self.stages:
+            fault = self.error or Failure("method-failed", "the method yielded no model", "identification")
+            raise WhidError(fault.code, fault.message, fault.during)
+        return self.stages["model"]
+
+    def every(self, stage: str) -> Iterator[Any]:
+        """Yield all results of one stage: `harmonics`, `harmonics_2`, … of the first sine, the second, …"""
+        return (value for name, value in self.stages.items() if re.fullmatch(rf"{stage}(_\d+)?", name))
+
+    @property
+    def exit_code(self) -> int:
+        """Return 0, or the exit code of the fault, of a breached bound (4), of one that was not measured (5)."""
+        if self.error:
+            return CATALOGUE[self.error.code].exit_code
+        verdicts = {check.verdict for check in self.checks}
+        return BREACHED if "breached" in verdicts else NOT_MEASURED if "not measured" in verdicts else 0
+
+
+def snake_case(name: str) -> str:
+    """Return a class name as a stage's name.
+
+    >>> snake_case("PeriodAverage")
+    'period_average'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

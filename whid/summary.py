@@ -1,0 +1,135 @@
+"""The summary of a run as Tables: study, stages, model, fit, what was asked for, what was expected, what is in doubt."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from whid.kinds import plain
+from whid.quantity import Cell, Measured, Table
+from whid.record import Record
+from whid.result import Result
+from whid.tables import markdown
+
+USES = ("estimation", "selection", "report")
+IN_SAMPLE = "no report part: these errors are in sample, not evidence"
+
+
+def tables(result: Result) -> tuple[Table, ...]:
+    """Return the tables of a summary; a stage adds its own by a method `table() -> Table`."""
+    return tuple(table for table in _all(result) if table.rows or table.notes)
+
+
+def page(result: Result) -> str:
+    """Return summary.md."""
+    status = f"**incomplete**: {result.error.message} (in {result.error.during})\n\n" if result.error else ""
+    pictures = "".join(f"\n![{name}]({name})\n" for name in result.pictures)
+    body = "\n\n".join(markdown(table) for table in result.tables)
+    return f"# {result.name}\n\n{status}{body}\n{pictures}"
+
+
+def _all(result: Result) -> Iterator[Table]:
+    yield _study(result)
+    for stage in result.stages.values():
+        if hasattr(stage, "table"):
+            yield stage.table()
+    if "model" in result.stages:
+        yield _model(result)
+    yield _fit(result)
+    yield _metrics(result)
+    yield _asked(result)
+    yield _expected(result)
+    if result.warnings:
+        yield Table("Warnings", ("warning",), tuple((text,) for text in result.warnings))
+
+
+def _study(result: Result) -> Table:
+    origin = result.provenance
+    simulated = result.truth is not None
+    source = (
+        f"simulated, {origin['path']} path, seed {origin['seed']}" if simulated else "measured: " + ", ".join(origin["data"])
+    )
+    rows: list[tuple[Cell, ...]] = [("data", source), ("method", origin["method"])]
+    if result.truth is not None:
+        noise = "; ".join(_words(plain(noise)) for noise in result.truth.noise)
+        rows.append(("noise", noise or "none"))
+    rows += [(f"record {record.name}", _record(record)) for record in result.records]
+    return Table(f"Study {result.name}", ("what", "value"), tuple(rows), tuple(origin.get("notes", ())))
+
+
+def _record(record: Record) -> str:
+    units = f"input {record.units.get('input', '1')}, output {record.units.get('output', '1')}, "
+    parts = Counter(part.kind + ("" if part.use == "estimation" else f" ({part.use})") for part in record.parts)
+    missing = int(np.sum(~record.mask))
+    return (
+        f"{len(record)} samples, dt {record.dt:.6g} s, {units if set(record.units.values()) != {'1'} else ''}"
+        f"{record.intersample}, {record.initial}"
+        + (": " + ", ".join(f"{count} {kind}" for kind, count in parts.items()) if parts else "")
+        + (f"; {missing} missing" if missing else "")
+    )
+
+
+def _words(mapping: dict[str, Any]) -> str:
+    """Return a mapping as people say it: `white, std 0.5`."""
+    kind, *rest = mapping.items()
+    return ", ".join([str(kind[1]), *(f"{key} {value}" for key, value in rest)])
+
+
+def _model(result: Result) -> Table:
+    """Return every parameter with its standard error, and the truth where the structures agree."""
+    model = result.stages["model"]
+    estimate = model.estimate
+    truth = _true_values(result, estimate.names)
+    rows = [
+        (name, Measured(float(value), float(std)), *((truth[name],) if truth else ()))
+        for name, value, std in zip(estimate.names, estimate.values, estimate.std, strict=True)
+    ]
+    chain = " → ".join(block.kind for block in model.system.chain)
+    fit = f"{chain}; normalisation {model.normalisation}; χ²/dof {_ratio(estimate)}, stopped: {estimate.why_stop}"
+    columns = ("parameter", "estimate", *(("truth",) if truth else ()))
+    return Table("Model", columns, tuple(rows), (fit, *(f"not known: {what}" for what in model.missing)))
+
+
+def _ratio(estimate: Any) -> str:
+    return f"{estimate.chi2 / estimate.dof:.3g}, {estimate.dof} dof" if estimate.dof > 0 else "undefined (0 dof)"
+
+
+def _true_values(result: Result, names: tuple[str, ...]) -> dict[str, float]:
+    """Return the truth by parameter name; nothing unless plant and model are written alike."""
+    if result.truth is None or [b.kind for b in result.truth.chain] != [b.kind for b in result.model.system.chain]:
+        return {}
+    values = {parameter.name: parameter.value for parameter in result.truth.tree.parameters(held=True)}
+    model = {parameter.name for parameter in result.model.system.tree.parameters(held=True)}
+    return values if set(names) <= set(values) == model else {}
+
+
+def _fit(result: Result) -> Table:
+    """Return the metrics called `<use>.<what>`, a row a use."""
+    found = {name: value for name, value in result.metrics.items() if name.split(".")[0] in USES}
+    whats = tuple(dict.fromkeys(name.split(".", 1)[1] for name in found))
+    uses = [use for use in USES if any(name.startswith(f"{use}.") for name in found)]
+    rows = tuple((use, *(found.get(f"{use}.{what}") for what in whats)) for use in uses)
+    return Table("Fit", ("on", *whats), rows, (IN_SAMPLE,) if rows and "report" not in uses else ())
+
+
+def _metrics(result: Result) -> Table:
+    rows = tuple((name, value) for name, value in result.metrics.items() if name.split(".")[0] not in USES)
+    return Table("Metrics", ("metric", "value"), rows)
+
+
+def _asked(result: Result) -> Table:
+    rows = tuple((a.reason, a.predicted_se, "yes" if a.performed else "no: the data are measured") for a in result.asked)
+    return Table("Experiments asked for", ("reason", "predicted standard error", "performed"), rows)
+
+
+def _expected(result: Result) -> Table:
+    rows = tuple((check.metric, _bound(check), check.value, check.verdict) for check in result.checks)
+    return Table("Expected", ("metric", "bound", "value", "verdict"), rows)
+
+
+def _bound(check: Any) -> str:
+    bounds = (("above", check.above), ("below", check.below))
+    return " and ".join(f"{side} {limit:g}" for side, limit in bounds if limit is not None)
