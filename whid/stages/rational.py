@@ -73,16 +73,21 @@ def rational(
     orders: Orders | None = None,
     highest: int = 3,
     free_breaks: tuple[int, ...] = (),
+    back: bool = True,
 ) -> Rational:
     """Fit unit-gain transfer functions in front of and behind f to levels and complex harmonics.
 
     Same criterion as `joint`, with G(s) = (1 + b₁s + …)/(1 + a₁s + …). Without `orders` poles and zeros are added one or
     two at a time, each from several starts, as long as χ² + p·log(samples) falls. The model fixes the gauge of the phases.
+    back=False: all dynamics in front (inside one affine piece only the product is identifiable). free_breaks: the breaks of
+    the part that the sines cross and so locate.
     Source [Brouri2019], section 4, last paragraph ("transfer functions … can easily be determined").
     """
     reference = float(np.exp(np.mean(np.log(responses.omega))))
     search = _Search(static, responses, reference, float(np.log(samples)), free_breaks)
-    best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb(highest)
+    if orders is not None:
+        orders = orders if back else (*orders[:2], 0, 0)
+    best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb((highest, highest if back else 0))
     return _result(best, search)
 
 
@@ -104,9 +109,10 @@ class _Search:
         self.omegas = frequencies(responses)
         self.seen: dict[Orders, _Fitted] = {}
 
-    def climb(self, highest: int) -> _Fitted:
+    def climb(self, highest: tuple[int, int]) -> _Fitted:
         """Grow from one pole in each block, while a neighbour is better."""
-        best = self.best_of((0, 1, 0, 1), self.first_starts((0, 1, 0, 1)))
+        first: Orders = (0, min(1, highest[0]), 0, min(1, highest[1]))
+        best = self.best_of(first, self.first_starts(first))
         while True:
             rivals = [self.best_of(o, self.grown(best, o)) for o in _neighbours(best.orders, highest) if o not in self.seen]
             winner = min(rivals, key=lambda f: f.bic, default=best)
@@ -153,11 +159,11 @@ class _Search:
         return self.seen[orders]
 
 
-def _neighbours(orders: Orders, highest: int) -> Iterator[Orders]:
+def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
     m, n, k, j = orders
     for more in ((0, 1, 0, 0), (0, 0, 0, 1), (0, 1, 0, 1), (1, 0, 0, 0), (0, 0, 1, 0), (1, 1, 0, 0), (0, 0, 1, 1)):
         new = (m + more[0], n + more[1], k + more[2], j + more[3])
-        if new[0] < max(new[1], 1) and new[2] < max(new[3], 1) and max(new) <= highest:
+        if new[0] < max(new[1], 1) and new[2] < max(new[3], 1) and new[1] <= highest[0] and new[3] <= highest[1]:
             yield new
 
 

@@ -1,0 +1,118 @@
+"""Putting stage results together into a Model, with one covariance over the tree's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from whid.blocks._block import Block
+from whid.blocks.linear import Linear
+from whid.blocks.piecewise import Piecewise
+from whid.blocks.table import Table
+from whid.fit import Estimate
+from whid.methods._method import Model
+from whid.record import Record
+from whid.signal import Floats
+from whid.stages._responses import StaticPart
+from whid.stages._visits import pooled
+from whid.stages.lags import Lags
+from whid.stages.levels import StaticCurve
+from whid.stages.rational import Rational
+from whid.stages.segmentation import Segmentation
+from whid.system import System
+
+
+class Visit(NamedTuple):
+    """One hold of a record."""
+
+    level: float
+    direction: float  # +1 from below, −1 from above, 0 unknown
+    y: Floats  # NaN where missing
+    dt: float
+
+
+def visits(records: Sequence[Record]) -> list[Visit]:
+    """Return the estimation holds of all records."""
+    found = []
+    for record in records:
+        y = np.where(record.mask, record.y, np.nan)
+        for part in record.select("hold"):
+            way = {"up": 1.0, "down": -1.0}.get(part.direction or "", 0.0)  # type: ignore[attr-defined]
+            found.append(Visit(float(part.level), way, y[part.start : part.stop], record.dt))  # type: ignore[attr-defined]
+    return found
+
+
+def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
+    """Return f as pieces, or through the levels where pieces do not describe it (χ² rejects them at 1e-3)."""
+    if pieces.p >= 1e-3 or len(curve.level) < 3:
+        return Piecewise(
+            breaks=tuple(map(float, pieces.breaks)),
+            pieces=tuple(tuple(map(float, c[: d + 1])) for c, d in zip(pieces.coefficients, pieces.degrees, strict=True)),
+        )
+    level, mean, *_ = pooled(curve)
+    return Table(inputs=tuple(map(float, level)), outputs=tuple(map(float, mean)))
+
+
+def from_rational(
+    fit: Rational, static: StaticPart, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]
+) -> Model:
+    """Return front, f, back: the pieces under the sines and the linear blocks from the joint fit, the rest from the levels."""
+    first = int(np.searchsorted(pieces.breaks, static.breaks[0])) if len(static.breaks) else _piece_of(pieces, static)
+    renamed = {name: _tree_name(name, first, fit) for name in fit.estimate.names}
+    seg = pieces.estimate
+    others = [k for k, name in enumerate(seg.names) if f"chain.1.{name}" not in renamed.values()]
+    names = tuple(renamed.values()) + tuple(f"chain.1.{seg.names[k]}" for k in others)
+    unit = np.array([_unit(name, fit.reference) for name in fit.estimate.names])
+    values = np.concatenate([fit.estimate.values * unit, seg.values[others]])
+    n = len(renamed)
+    covariance = np.zeros((len(names), len(names)))
+    covariance[:n, :n] = fit.estimate.covariance * np.outer(unit, unit)
+    covariance[n:, n:] = seg.covariance[np.ix_(others, others)]
+    std = np.concatenate([fit.estimate.std * unit, seg.std[others]])
+    order = fit.estimate._replace(names=names, values=values, covariance=covariance, std=std, rank=fit.estimate.rank + len(others))
+    blocks: tuple[Block, ...] = (
+        Linear(num=tuple(map(float, fit.front_num)), den=tuple(map(float, fit.front_den))),
+        _piecewise(pieces, dict(zip(names, values, strict=True))),
+        Linear(num=tuple(map(float, fit.back_num)), den=tuple(map(float, fit.back_den))),
+    )
+    empty = np.zeros((0, len(names)))
+    return Model(System(chain=blocks), order._replace(null_directions=empty), normalisation, missing)
+
+
+def from_lags(found: Lags, f: Block, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]) -> Model:
+    """Return the chosen lag in front of f or behind it."""
+    lag = found.block()
+    front = found.place[found.chosen] == "front"
+    e = found.estimate
+    place = 0 if front else 1
+    names = tuple(f"chain.{place}.den.{len(e.names) - 1 - k}" for k in range(len(e.names)))
+    return Model(System(chain=(lag, f) if front else (f, lag)), e._replace(names=names), normalisation, missing)
+
+
+def _piece_of(pieces: Segmentation, static: StaticPart) -> int:
+    return int(np.searchsorted(pieces.breaks, np.mean(static.level)))
+
+
+def _tree_name(name: str, first: int, fit: Rational) -> str:
+    """Return the path in the tree: `f.pieces.0.2` → `chain.1.pieces.3.2`, `front.den.1` (of s) → `chain.0.den.<place>`."""
+    block, part, *place = name.split(".")
+    if block == "f":
+        return ".".join(["chain.1", part, str(int(place[0]) + first), *place[1:]])
+    coefficients = getattr(fit, f"{block}_{part}")
+    return f"chain.{0 if block == 'front' else 2}.{part}.{len(coefficients) - 1 - int(place[0])}"
+
+
+def _unit(name: str, reference: float) -> float:
+    block, _, *place = name.split(".")
+    return 1.0 if block == "f" else reference ** -int(place[0])
+
+
+def _piecewise(pieces: Segmentation, values: dict[str, float]) -> Piecewise:
+    def coefficients() -> Iterator[tuple[float, ...]]:
+        for p, degree in enumerate(pieces.degrees):
+            yield tuple(float(values[f"chain.1.pieces.{p}.{k}"]) for k in range(degree + 1))
+
+    breaks = tuple(float(values[f"chain.1.breaks.{k}"]) for k in range(len(pieces.breaks)))
+    return Piecewise(breaks=breaks, pieces=tuple(coefficients()))

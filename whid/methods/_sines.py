@@ -1,0 +1,98 @@
+"""From the sine parts of records to the data of the sine stages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from whid.record import Record
+from whid.stages._inner_harmonics import held_sine
+from whid.stages._responses import Responses, StaticPart
+from whid.stages.levels import StaticCurve
+from whid.stages.periods import Harmonics, harmonics
+from whid.stages.segmentation import Segmentation
+
+
+class Sine(NamedTuple):
+    """One sine of a record: what went in, continuous in time, and the harmonics that came out."""
+
+    omega: float  # rad/s
+    offset: float
+    phasor: complex
+    harmonics: Harmonics
+
+
+def gather(records: Sequence[Record], settle: float, highest: int) -> list[Sine]:
+    """Measure every estimation sine: the input's offset and phasor as they are in u, the output's harmonics.
+
+    Whole lead periods are left out, as many as the settling time needs, not fewer than planned [PAPERS A, build 4].
+    """
+    found = []
+    for record in records:
+        for part in record.select("sine"):
+            period = float(part.period)  # type: ignore[attr-defined]
+            skip = max(int(part.lead_periods), int(np.ceil(settle / (period * record.dt))))  # type: ignore[attr-defined]
+            if part.length < (skip + 2) * period:
+                continue
+            stretch = slice(part.start, part.stop)
+            y = np.where(record.mask, record.y, np.nan)[stretch]
+            into = harmonics(record.u[stretch], period, skip, count=1)
+            omega = 2 * np.pi / (period * record.dt)
+            first = complex(into.value[1])
+            phasor = held_sine(abs(first), float(np.angle(first)), omega, record.dt, record.intersample)
+            out = harmonics(y, period, skip, count=min(highest, int(period / 2 - 1)))
+            found.append(Sine(omega, float(into.value[0].real), phasor, out))
+    return found
+
+
+def pieces_under(pieces: Segmentation, sine: Sine) -> tuple[int, int]:
+    """Return the first and the last piece that a sine covers if the front block does not amplify it."""
+    reach = sine.offset + np.array([-1, 1]) * abs(sine.phasor)
+    low, high = np.searchsorted(pieces.breaks, reach)
+    return int(low), int(high)
+
+
+def degree_under(pieces: Segmentation, sine: Sine) -> int:
+    """Return the highest harmonic that f makes of a sine on one piece; all of them where it crosses a break."""
+    low, high = pieces_under(pieces, sine)
+    return int(pieces.degrees[low]) if low == high else len(sine.harmonics.order) - 1
+
+
+def responses_of(
+    sines: Sequence[Sine], pieces: Segmentation, curve: StaticCurve, on_piece: Sequence[bool]
+) -> tuple[StaticPart, Responses]:
+    """Return f where the sines run, and their harmonics: to the piece's degree, or all where a break is crossed.
+
+    A sine whose harmonics above the degree are not noise (on_piece false) has left its piece: the neighbours join.
+    """
+    spans = [pieces_under(pieces, sine) for sine in sines]
+    low = max(min(a - (not ok) for (a, _), ok in zip(spans, on_piece, strict=True)), 0)
+    high = min(max(b + (not ok) for (_, b), ok in zip(spans, on_piece, strict=True)), len(pieces.degrees) - 1)
+    breaks = pieces.breaks[low:high]
+    degrees = tuple(int(d) for d in pieces.degrees[low : high + 1])
+    here = (np.searchsorted(pieces.breaks, curve.level, side="right") >= low) & (
+        np.searchsorted(pieces.breaks, curve.level, side="right") <= high
+    )
+    error = np.hypot(curve.mean_std[here], pieces.visit_std)
+    coefficients = np.nan_to_num(pieces.coefficients[low : high + 1, : max(degrees) + 1])
+    static = StaticPart(curve.level[here], curve.mean[here], error, breaks, coefficients, degrees)
+    count = min(len(sine.harmonics.order) for sine in sines)
+    orders = [
+        range(degrees[a - low] + 1) if a == b and ok else range(count) for (a, b), ok in zip(spans, on_piece, strict=True)
+    ]
+    return static, Responses(
+        np.array([s.omega for s in sines]),
+        np.array([s.offset for s in sines]),
+        np.array([s.phasor for s in sines]),
+        np.array([s.harmonics.value[:count] for s in sines]),
+        np.array([s.harmonics.value_std[:count] for s in sines]),
+        tuple(tuple(ks) for ks in orders),
+    )
+
+
+def reached(static: StaticPart, responses: Responses) -> tuple[int, ...]:
+    """Return the breaks of the part that a sine crosses: the sine locates those, the others only lie in their gap."""
+    crossed = np.abs(static.breaks[:, None] - responses.offset) < np.abs(responses.phasor)
+    return tuple(int(k) for k in np.flatnonzero(crossed.any(axis=1)))

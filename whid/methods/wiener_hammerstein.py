@@ -1,0 +1,121 @@
+"""Wiener-Hammerstein: linear block, hard nonlinearity, linear block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from whid.errors import WhidError
+from whid.methods import _assemble as assemble
+from whid.methods._method import Method, Model, Stages
+from whid.methods._sines import Sine, degree_under, gather, reached, responses_of
+from whid.predict import input_signal
+from whid.record import Record
+from whid.stages.branches import branch_gap
+from whid.stages.harmonic_floor import HarmonicFloor, harmonic_floor
+from whid.stages.identifiability import identifiability
+from whid.stages.joint import joint
+from whid.stages.lags import Lags, lags
+from whid.stages.levels import StaticCurve, level_means
+from whid.stages.rational import rational
+from whid.stages.segmentation import Segmentation, segment
+from whid.stages.settle import settle_time
+from whid.stages.stepwise import stepwise
+from whid.system import System
+
+
+@dataclass(frozen=True, kw_only=True)
+class WienerHammerstein(Method):
+    """Hard nonlinearity between two linear blocks, from a staircase and sines.
+
+    y = G_back · f(G_front · u), G_front(0) = G_back(0) = 1 (normalisation unit_dc, [Brouri2019] eqs. (3.1)-(3.2)).
+    The staircase gives f (levels, then polynomial pieces with jumps and kinks), sines on a smooth piece give both linear
+    blocks: step by step as the paper does, then jointly. With a staircase alone the dynamics are a lag on one side of f.
+
+    degree     highest degree of a piece
+    orders     poles of front and back; left out: from the data
+    settle_s   settling time; left out: from the data
+    harmonics  highest harmonic that is looked at
+    """
+
+    normalisation: Literal["unit_dc"] = "unit_dc"
+    degree: Annotated[int, Ge(0)] = 3
+    orders: tuple[Annotated[int, Ge(0)], Annotated[int, Ge(0)]] | None = None
+    settle_s: Annotated[float, Gt(0)] | None = None
+    harmonics: Annotated[int, Ge(2)] = 20
+
+    def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
+        """Yield settle, levels, branch gap, pieces; then either the sine stages or the lags; the Model last."""
+        visits = assemble.visits(records)
+        if len(visits) < 2:
+            raise WhidError("method-no-levels", "wiener_hammerstein needs a staircase: two constant levels or more")
+        settle = settle_time([v.y for v in visits], visits[0].dt)
+        yield settle
+        seconds = self.settle_s or settle.settle
+        level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
+        curve = level_means([v.y for v in visits], level, direction, visits[0].dt, seconds)
+        yield curve
+        if {1.0, -1.0} <= set(curve.direction):
+            yield branch_gap(curve)
+        pieces = segment(curve, max_degree=self.degree)
+        yield pieces
+        sines = gather(records, seconds, self.harmonics)
+        yield from (self._from_sines(records, curve, pieces, sines) if sines else self._from_steps(records, curve, pieces, seconds))
+
+    def _from_sines(
+        self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, sines: Sequence[Sine]
+    ) -> Stages:
+        """The paper's second part: sines inside a smooth piece."""
+        for sine in sines:
+            yield sine.harmonics
+        floors = [harmonic_floor(sine.harmonics, degree_under(pieces, sine)) for sine in sines]
+        yield from floors
+        static, responses = responses_of(sines, pieces, curve, [floor.passed for floor in floors])
+        yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
+        smooth = len(static.breaks) == 0
+        if smooth:
+            yield stepwise(static, responses)
+        orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else None
+        affine = smooth and max(static.degrees) < 2
+        samples = sum(int(record.using("estimation").sum()) for record in records)
+        crossed = reached(static, responses)
+        fit = rational(static, responses, samples, orders, free_breaks=crossed, back=not affine)
+        yield fit
+        if not affine:
+            gains = [getattr(fit, f"{side}_gain") * np.exp(1j * getattr(fit, f"{side}_phase")) for side in ("front", "back")]
+            yield joint(static, responses, *gains, "joint rational fit", fit.phase_covariance, crossed)
+        yield assemble.from_rational(fit, static, pieces, self.normalisation, self._missing(floors, affine))
+
+    def _from_steps(
+        self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float
+    ) -> Stages:
+        """What a staircase alone tells: the transitions between levels."""
+        record = max(records, key=lambda r: sum(part.length for part in r.select("hold")))
+        f = assemble.static_block(curve, pieces)
+        holds = list(record.select("hold"))
+        number = np.full(len(record), -1)
+        for k, part in enumerate(holds):
+            number[part.start : part.stop] = k
+        number[~record.using("estimation")] = -1
+        held_back = np.arange(len(holds)) % 3 == 2  # every third transition selects: up and down alike
+        found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, held_back, settle)
+        yield found
+        yield assemble.from_lags(found, f, pieces, self.normalisation, self._missing_steps(found))
+
+    def _missing(self, floors: Sequence[HarmonicFloor], affine: bool) -> tuple[str, ...]:
+        missing = []
+        if affine:
+            missing.append("only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint")
+        if not all(floor.passed for floor in floors):
+            missing.append("a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted")
+        return tuple(missing)
+
+    def _missing_steps(self, found: Lags) -> tuple[str, ...]:
+        missing = ["no sines: the frequency responses of front and back are those of one lag, not measured ones"]
+        if not found.decided:
+            missing.append("level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can")
+        return tuple(missing)
