@@ -61,11 +61,6 @@ CATALOGUE: dict[str, Explanation] = {
         "Write it as `--set plant.chain[1].breaks[0]=-2.5`; lists count from 0.",
         CONFIG,
     ),
-    "memory": Explanation(
-        "The study would need more memory than `--max-memory` allows, so it was not started.",
-        "Shorten the experiment, raise dt, or raise `--max-memory`.",
-        CONFIG,
-    ),
     "config-kind": Explanation(
         "A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG
     ),

@@ -29,6 +29,13 @@ def memory(study: Study, base: Path = Path()) -> int:
     return min(START + SAMPLE * simulated + sum(_file(source, base) for source in study.sources), sys.maxsize)
 
 
+def allow(study: Study, limit: float, base: Path = Path()) -> None:
+    """Raise `WhidError("memory")` for a study that will need more than `limit` bytes."""
+    needed = memory(study, base)
+    if needed > limit:
+        raise WhidError("memory", f"this study needs about {human(needed)}, {human(limit)} are allowed")
+
+
 def size(text: str) -> int:
     """Return a size such as 4GB, 500 MB or 1e9 in bytes; raise `WhidError("config-value")`.
 

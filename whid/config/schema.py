@@ -47,12 +47,12 @@ def validator(cls: type = Study) -> SchemaValidator:
     return SchemaValidator(_Builder().whole(cls))
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a study, for editors."""
+def json_schema(cls: type = Study) -> dict[str, Any]:
+    """Return the JSON Schema of a study, or of a part of one, for editors."""
     from pydantic.json_schema import GenerateJsonSchema
 
-    found: dict[str, Any] = _tidied(GenerateJsonSchema().generate(_Builder().whole(Study)))
-    return {"$schema": GenerateJsonSchema.schema_dialect, "title": "whid study"} | found
+    found: dict[str, Any] = _tidied(GenerateJsonSchema().generate(_Builder().whole(cls)))
+    return {"$schema": GenerateJsonSchema.schema_dialect, "title": f"whid {cls.__name__}"} | found
 
 
 def _tidied(node: Any) -> Any:
