@@ -61,9 +61,7 @@ CATALOGUE: dict[str, Explanation] = {
         "Write it as `--set plant.chain[1].breaks[0]=-2.5`; lists count from 0.",
         CONFIG,
     ),
-    "config-kind": Explanation(
-        "A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG
-    ),
+    "config-kind": Explanation("A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG),
     "block-parameters": Explanation(
         "A block's numbers contradict each other or do not describe a block.",
         "Read the block's line in `whid kinds` and its equation in its docstring.",
@@ -175,6 +173,22 @@ CATALOGUE: dict[str, Explanation] = {
     "stage-too-short": Explanation(
         "A part is too short for its stage: no settled samples, or no whole period after the lead.",
         "Hold levels longer, measure more periods, or set fewer lead periods.",
+        FAILED,
+    ),
+    "disturbance-size": Explanation("A disturbance has no size, or two.", "Give exactly one of `std` and `snr_db`.", CONFIG),
+    "disturbance-unstable": Explanation(
+        "A coloured noise would grow without bound.",
+        "Every root of z^p − a₁z^(p−1) − … − a_p must lie inside the unit circle; of order 1: |a₁| < 1.",
+        CONFIG,
+    ),
+    "part-parameters": Explanation(
+        "An experiment part's fields contradict each other or do not describe an input.",
+        "Read the part's line in `whid kinds` and its equation in its docstring.",
+        CONFIG,
+    ),
+    "feedback-no-solution": Explanation(
+        "An algebraic feedback has no solution at some input: the loop's residual jumps over zero or never reaches it.",
+        "Use `solve: delay`, put dynamics into the loop, or remove the jump from it.",
         FAILED,
     ),
     "fit-rank": Explanation(

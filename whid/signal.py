@@ -116,8 +116,10 @@ class Signal:
 def cut(panels: Panels, first: int, last: int) -> Panels:
     """Return the panels of the intervals first … last − 1, renumbered from 0."""
     s, i = panels.splits, panels.impulses
-    keep, hit = (s.index >= first) & (s.index < last), (i.index >= first) & (i.index < last)
-    splits = Splits(s.index[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if keep.any() else NO_SPLITS
+    low, high = np.searchsorted(s.index, (first, last))
+    hit = (i.index >= first) & (i.index < last)
+    keep = slice(low, high)
+    splits = Splits(s.index[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if high > low else NO_SPLITS
     return Panels(panels.values[:, first:last], splits, Impulses(i.index[hit] - first, i.at[hit], i.area[hit]))
 
 
@@ -139,14 +141,45 @@ def held(values: Floats, dt: float, intersample: str, t0: float = 0.0, order: in
     return Signal(values, dt, t0, lambda: Panels(_bandlimited(values, nodes)), order)
 
 
+def joined(*signals: Signal) -> Signal:
+    """Return signals one after another, the course between samples of each kept.
+
+    >>> joined(Signal(np.zeros(1), 0.1), Signal(np.ones(2), 0.1, t0=0.1)).values
+    array([0., 1., 1.])
+    """
+    values, last = np.concatenate([signal.values for signal in signals]), signals[-1]
+    inner = not last.sampled and any(callable(signal.between) for signal in signals)
+    between: Between = (lambda: _joined([signal.panels for signal in signals])) if inner else last.between
+    return Signal(values, last.dt, signals[0].t0, between, last.order)
+
+
+def _joined(panels: list[Panels]) -> Panels:
+    first = np.cumsum([0, *(p.values.shape[1] for p in panels)])
+    splits = [
+        p.splits._replace(index=p.splits.index + n) for p, n in zip(panels, first, strict=False) if len(p.splits.index)
+    ]
+    hits = [
+        p.impulses._replace(index=p.impulses.index + n) for p, n in zip(panels, first, strict=False) if len(p.impulses.at)
+    ]
+    return Panels(
+        np.concatenate([p.values for p in panels], axis=1),
+        Splits(*(np.concatenate(column, axis=-1) for column in zip(*splits, strict=True))) if splits else NO_SPLITS,
+        Impulses(*(np.concatenate(column) for column in zip(*hits, strict=True))) if hits else NO_IMPULSES,
+    )
+
+
 def _bandlimited(values: Floats, nodes: Floats) -> Floats:
+    if not len(values):
+        return np.empty((len(nodes), 0))
     mirrored = np.concatenate([values, values[-2:0:-1]])
     spectrum, line = np.fft.rfft(mirrored), np.arange(len(mirrored) // 2 + 1)
-    shifts = np.exp(2j * np.pi * nodes[:, None] * line / max(len(mirrored), 1))
+    shifts = np.exp(2j * np.pi * nodes[:, None] * line / len(mirrored))
     return np.asarray(np.fft.irfft(spectrum * shifts, len(mirrored))[:, : len(values)])
 
 
 def at(values: Floats, tau: Floats) -> Floats:
     """Interpolate panels: node values (q, m) at local coordinates tau (m,) or (k, m) in [0, 1] of each panel."""
     coefficients = rule(values.shape[0]).to_legendre @ values
-    return np.asarray(legendre.legval(2 * tau - 1, coefficients if tau.ndim == 1 else coefficients[:, None, :], tensor=False))
+    return np.asarray(
+        legendre.legval(2 * tau - 1, coefficients if tau.ndim == 1 else coefficients[:, None, :], tensor=False)
+    )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from whid.signal import Floats, Ints, Panels, Signal, Splits, at, rule
+from whid.signal import NO_IMPULSES, NO_SPLITS, Floats, Impulses, Ints, Panels, Signal, Splits, at, rule
 
 Bools = NDArray[np.bool_]
 
@@ -71,6 +72,52 @@ def refined(panels: Panels, s: Splits) -> Floats:
     """Return a signal's values at the nodes of some sub-panels, each of which lies in one panel of the signal."""
     local = s.start + s.width * rule(len(panels.values)).nodes[:, None]
     return _values_at(panels, s.index, local, s.start + s.width / 2)
+
+
+def total(signals: Sequence[Signal]) -> Signal:
+    """Return the sum of signals on one grid, on the union of their splits, impulses included."""
+
+    def impulses(courses: Sequence[Panels]) -> Impulses:
+        given = [course.impulses for course in courses if len(course.impulses.index)]
+        return Impulses(*(np.concatenate(column) for column in zip(*given, strict=True))) if given else NO_IMPULSES
+
+    return pointwise(lambda *values: np.sum(values, axis=0), signals, impulses)
+
+
+def pointwise(
+    function: Callable[..., Floats],
+    signals: Sequence[Signal],
+    impulses: Callable[[Sequence[Panels]], Impulses] | None = None,
+) -> Signal:
+    """Return function(x₁(t), x₂(t), …) of signals on one grid, on the union of their splits."""
+    values = function(*(signal.values for signal in signals))
+    inner = [signal for signal in signals if callable(signal.between)]
+    if not inner:
+        return signals[0].with_values(values)
+
+    def between() -> Panels:
+        courses = [signal.panels for signal in signals]
+        s = _united([course.splits for course in courses])
+        if len(s.index):
+            s = s._replace(values=function(*(refined(course, s) for course in courses)))
+        dense = function(*(course.values for course in courses))
+        return Panels(dense, s, NO_IMPULSES if impulses is None else impulses(courses))
+
+    return inner[0].with_values(values, between)
+
+
+def _united(splits: Sequence[Splits]) -> Splits:
+    """Return sub-panels as fine as all the given ones together; their values are still to come."""
+    given = [s for s in splits if len(s.index)]
+    if len(given) < 2:
+        return given[0] if given else NO_SPLITS
+    index, start = np.concatenate([s.index for s in given]), np.concatenate([s.start for s in given])
+    order = np.lexsort((start, index))
+    index, start = index[order], start[order]
+    last = np.append(index[1:] != index[:-1], True)
+    width = np.where(last, 1.0, np.append(start[1:], 1.0)) - start
+    wide = width > 1e-14
+    return Splits(index[wide], start[wide], width[wide], np.empty((0, 0)))
 
 
 def value_at(panels: Panels, index: Ints, when: Floats) -> Floats:

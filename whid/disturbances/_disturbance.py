@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Ge
 
+from whid.errors import WhidError
 from whid.kinds import Kind
 from whid.signal import Floats
 
@@ -20,13 +21,17 @@ class Disturbance(Kind):
     """Something added to the signal: at the output, or ahead of the first nonlinear block of the chain.
 
     Its size is `std` (units of the signal) or `snr_db` = 10 log₁₀(var x / std²), x the undisturbed output of the
-    record, mean removed.
+    record, mean removed. Raises `WhidError("disturbance-size")` unless exactly one of the two is given.
     """
 
     family: ClassVar[str] = "whid.disturbances"
     place: ClassVar[Place] = "output"
     std: Annotated[float, Ge(0)] | None = None
     snr_db: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.std is None) == (self.snr_db is None):
+            raise WhidError("disturbance-size", f"{self.kind} needs exactly one of std, snr_db")
 
     @abstractmethod
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:

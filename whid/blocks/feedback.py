@@ -1,0 +1,259 @@
+"""Feedback: a block whose output comes back to its input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from whid.blocks._block import Block, State, Tangents
+from whid.blocks._split import pointwise, total
+from whid.blocks._static import Static
+from whid.blocks.chain import Chain
+from whid.blocks.parallel import Parallel
+from whid.errors import WhidError
+from whid.signal import Floats, Panels, Signal, joined
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feedback(Block):
+    """A loop: y = forward(e), e = u + sign·z, z = back(y).
+
+    u ──►(+)──e──►[forward]──┬──► y
+          ▲±                 │
+          └────z───[back]◄───┘
+
+    solve: delay       e_n = u_n + sign·z_{n−1}: what comes back is one sample late (a digital controller)
+           algebraic   e_n = u_n + sign·z_n: solved at every sample
+
+    Between samples what comes back is held and everything else is exact; a loop of static blocks is solved between
+    samples as well (kinks of the closed loop are not searched for there). Without `back` the output itself comes back.
+    Cost: a loop with dynamics goes sample by sample, some 0.1 ms a sample and block, algebraic four times that; a loop of
+    static blocks is vectorised. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
+
+    >>> from whid.blocks.polynomial import Polynomial
+    >>> gain = Polynomial(coefficients=(0.0, 9.0))
+    >>> Feedback(forward=gain, solve="algebraic")([1.0, 2.0], dt=1.0).round(6)
+    array([0.9, 1.8])
+    """
+
+    forward: Block
+    back: Block | None = None
+    sign: Literal[-1, 1] = -1
+    solve: Literal["delay", "algebraic"] = "delay"
+
+    def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
+        """Go round the loop sample by sample, or solve it everywhere at once when it has no memory."""
+        if not len(signal.values):
+            return signal, state
+        if self._instant:
+            return self.forward.step(self._error(signal))[0], None
+        passed = []
+        loop = state or _Loop()
+        for n in range(len(signal.values)):
+            u = signal[n : n + 1]
+            z = loop.z if self.solve == "delay" else self._solved(u, loop)
+            y, forward = self.forward.step(_plus(u, self.sign * z), loop.forward)
+            w, back = (y, None) if self.back is None else self.back.step(y, loop.back)
+            loop = _Loop(forward, back, float(w.values[0]))
+            passed.append(y)
+        return joined(*passed), loop
+
+    def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
+        """Return the derivatives of the closed loop: every number acts once, and again each time it comes round."""
+        if not len(signal.values):
+            return Tangents(signal, [signal] * (len(seeds) + len(wrt)), state)
+        if self._instant:
+            return self._instant_tangent(signal, seeds, wrt)
+        zero = signal.with_values(np.zeros(len(signal.values)), "discrete" if signal.sampled else "zoh")
+        inputs = [*seeds, *[zero] * len(wrt)]
+        plain, tangents, dz = state or (_Loop(), _Loop(), np.zeros(len(inputs)))
+        outputs, rates = [], []
+        for n in range(len(signal.values)):
+            u, du = signal[n : n + 1], [seed[n : n + 1] for seed in inputs]
+            z = plain.z
+            if self.solve == "algebraic":
+                z = self._solved(u, plain)
+                dz = self._solved_rates(_plus(u, self.sign * z), du, wrt, tangents)
+            e, de = _plus(u, self.sign * z), [_plus(d, self.sign * float(r)) for d, r in zip(du, dz, strict=True)]
+            y, dy, tangents, dz = self._round(e, de, wrt, tangents)
+            plain = self._stepped(e, plain) if self.solve == "algebraic" else plain._replace(z=tangents.z)
+            outputs.append(y)
+            rates.append(dy)
+        return Tangents(joined(*outputs), [joined(*r) for r in zip(*rates, strict=True)], (plain, tangents, dz))
+
+    def steady(self, level: float, dt: float) -> tuple[float, State]:
+        """Return the level at which the loop rests, by root finding."""
+
+        def rest(e: float) -> tuple[float, _Loop]:
+            y, forward = self.forward.steady(e, dt)
+            z, back = (y, None) if self.back is None else self.back.steady(y, dt)
+            return y, _Loop(forward, back, z)
+
+        e = _root(lambda e: level + self.sign * rest(e)[1].z - e, level, "at rest")
+        y, loop = rest(e)
+        return y, None if self._instant else loop
+
+    @property
+    def _instant(self) -> bool:
+        return self.solve == "algebraic" and _memoryless(self.forward) and (self.back is None or _memoryless(self.back))
+
+    def _stepped(self, e: Signal, loop: _Loop) -> _Loop:
+        y, forward = self.forward.step(e, loop.forward)
+        w, back = (y, None) if self.back is None else self.back.step(y, loop.back)
+        return _Loop(forward, back, float(w.values[0]))
+
+    def _solved(self, u: Signal, loop: _Loop) -> float:
+        """Return z at a sample: the e that gives itself back, the states before the sample given."""
+        trial = _only(u)
+
+        def residual(e: float) -> float:
+            return float(u.values[0]) + self.sign * self._stepped(trial.with_values(np.array([e])), loop).z - e
+
+        e = _root(residual, float(u.values[0]) + self.sign * loop.z, f"at t = {u.t0:g} s")
+        return self._stepped(trial.with_values(np.array([e])), loop).z
+
+    def _round(
+        self, e: Signal, de: Sequence[Signal], wrt: Sequence[str], loop: _Loop
+    ) -> tuple[Signal, list[Signal], _Loop, Floats]:
+        """Go round once with the derivatives: every column is a seed, and a block's own numbers add to theirs."""
+        y, dy, forward = _added(self.forward, e, de, wrt, "forward.", loop.forward)
+        w, dw, back = (y, dy, None) if self.back is None else _added(self.back, y, dy, wrt, "back.", loop.back)
+        return y, dy, _Loop(forward, back, float(w.values[0])), np.array([d.values[0] for d in dw])
+
+    def _solved_rates(self, e: Signal, du: Sequence[Signal], wrt: Sequence[str], loop: _Loop) -> Floats:
+        """Return dz at a sample: it is affine in de, so two rounds give its slope g, and dz = dz₀/(1 − sign·g)."""
+        trial, seeds = _only(e), [_only(d) for d in du]
+        *_, first = self._round(trial, seeds, wrt, loop)
+        *_, second = self._round(trial, [_plus(d, 1.0) for d in seeds], wrt, loop)
+        return np.asarray(first / (1 - self.sign * (second - first)))
+
+    def _error(self, u: Signal) -> Signal:
+        """Return e of a loop without memory, wherever u is known."""
+
+        def solved(values: Floats) -> Floats:
+            return self._instant_error(values.ravel()).reshape(values.shape)
+
+        def between() -> Panels:
+            panels, s = u.panels, u.panels.splits
+            return Panels(solved(panels.values), s._replace(values=solved(s.values)) if len(s.index) else s)
+
+        return u.with_values(solved(u.values), between if callable(u.between) else None)
+
+    def _instant_error(self, u: Floats) -> Floats:
+        """Solve e = u + sign·back(forward(e)) for every u: damped Newton, and root by root where that fails."""
+        e, (z, slope) = u.copy(), self._gain(u)
+        r = u + self.sign * z - e
+        for _ in range(50):
+            open_ = np.abs(r) > 1e-14 * (np.abs(u) + np.abs(z) + 1e-300)
+            if not open_.any():
+                return e
+            with np.errstate(all="ignore"):
+                step = np.where(open_, r / (1 - self.sign * slope), 0.0)
+            for _ in range(5):
+                z_trial, slope_trial = self._gain(e + step)
+                r_trial = u + self.sign * z_trial - e - step
+                worse = ~(np.abs(r_trial) <= np.abs(r))
+                if not worse.any():
+                    break
+                step = np.where(worse, step / 4, step)
+            better = np.abs(r_trial) < np.abs(r)
+            if not better.any():
+                break
+            e, z = np.where(better, e + step, e), np.where(better, z_trial, z)
+            r, slope = np.where(better, r_trial, r), np.where(better, slope_trial, slope)
+        for n in np.flatnonzero(np.abs(r) > 1e-11 * (np.abs(u) + np.abs(z))):
+            e[n] = self._instant_root(float(u[n]), float(e[n]))
+        return e
+
+    def _instant_root(self, u: float, guess: float) -> float:
+        return _root(lambda e: u + self.sign * float(self._gain(np.array([e]))[0][0]) - e, guess, f"at input {u:g}")
+
+    def _gain(self, e: Floats) -> tuple[Floats, Floats]:
+        loop = self.forward if self.back is None else Chain(chain=(self.forward, self.back))
+        z, (slope,), _ = loop.tangent(Signal(e, 1.0), [Signal(np.ones(len(e)), 1.0)], ())
+        return z.values, slope.values
+
+    def _instant_tangent(self, u: Signal, seeds: Sequence[Signal], wrt: Sequence[str]) -> Tangents:
+        """Return dy = m·forward′·(du + sign·∂back) + m·∂forward with m = 1/(1 − sign·back′·forward′)."""
+        e = self._error(u)
+        one = pointwise(np.ones_like, [e])
+        y, (rate, *own), _ = self.forward.tangent(e, [one], [n[8:] for n in wrt if n.startswith("forward.")])
+        loop, behind = rate, list[Signal]()
+        if self.back is not None:
+            _, (loop, *behind), _ = self.back.tangent(y, [rate], [n[5:] for n in wrt if n.startswith("back.")])
+        along = [pointwise(lambda f, g, d: f * d / (1 - self.sign * g), [rate, loop, seed]) for seed in seeds]
+        ahead = iter([pointwise(lambda g, d: d / (1 - self.sign * g), [loop, d]) for d in own])
+        after = iter([pointwise(lambda f, g, d: self.sign * f * d / (1 - self.sign * g), [rate, loop, d]) for d in behind])
+        return Tangents(y, along + [next(ahead if n.startswith("forward.") else after) for n in wrt], None)
+
+
+class _Loop(NamedTuple):
+    """The state of a loop: of both blocks, and what comes back."""
+
+    forward: Any = None
+    back: Any = None
+    z: float = 0.0
+
+
+def _memoryless(block: Block) -> bool:
+    if isinstance(block, (Chain, Parallel)):
+        return all(_memoryless(child) for child in block.children())
+    return isinstance(block, Static) or (isinstance(block, Feedback) and block._instant)
+
+
+def _plus(signal: Signal, level: float) -> Signal:
+    return pointwise(lambda values: values + level, [signal], lambda courses: courses[0].impulses)
+
+
+def _only(signal: Signal) -> Signal:
+    """Return a one-sample signal without its course between samples: a trial needs the sample only."""
+    return signal.with_values(signal.values, "discrete" if signal.sampled else "zoh")
+
+
+def _added(
+    block: Block, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], prefix: str, state: State
+) -> tuple[Signal, list[Signal], State]:
+    """Return a block's output and derivatives, the last len(wrt) columns with the block's own numbers added."""
+    mine = [k for k, name in enumerate(wrt) if name.startswith(prefix)]
+    out, along, state = block.tangent(signal, seeds, [wrt[k][len(prefix) :] for k in mine], state)
+    columns, first = along[: len(seeds)], len(seeds) - len(wrt)
+    for k, own in zip(mine, along[len(seeds) :], strict=True):
+        columns[first + k] = total([columns[first + k], own])
+    return out, columns, state
+
+
+def _root(residual: Callable[[float], float], guess: float, where: str) -> float:
+    """Solve residual(e) = 0: secant from the guess, and where that fails a bracket and Brent's method.
+
+    Raises `WhidError("feedback-no-solution")`.
+    """
+    from scipy.optimize import brentq
+
+    def small(r: float, e: float) -> bool:
+        return abs(r) <= 1e-13 * (abs(e) + abs(guess)) + 1e-300
+
+    e, r = guess, residual(guess)
+    e_next = e + r
+    for _ in range(20):
+        if small(r, e):
+            return e
+        r_next = residual(e_next)
+        if small(r_next, e_next) or r_next == r:
+            break
+        e, r, e_next = e_next, r_next, e_next - r_next * (e_next - e) / (r_next - r)
+        if not np.isfinite(e_next):
+            break
+    if np.isfinite(e_next) and small(residual(e_next), e_next):
+        return e_next
+    r, width = residual(guess), abs(guess) + 1.0
+    for reach in width * 2.0 ** np.arange(-20, 40):
+        for far in (guess - reach, guess + reach):
+            if residual(far) * r < 0:
+                e = float(brentq(residual, guess, far, xtol=1e-300, rtol=1e-15))
+                if abs(residual(e)) <= 1e-9 * (abs(e) + width):
+                    return e
+                raise WhidError("feedback-no-solution", f"the loop's residual jumps over zero at e = {e:g}", where)
+    raise WhidError("feedback-no-solution", "no value of e balances the loop", where)
