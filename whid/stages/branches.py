@@ -1,4 +1,4 @@
-"""Do the ways up and down give the same static curve?"""
+"""The ways up and down compared: do they give the same static curve."""
 
 from __future__ import annotations
 
@@ -34,10 +34,15 @@ class BranchGap(NamedTuple):
             for u, g, s, hit in zip(self.level, self.gap, self.gap_std, self.significant, strict=True)
         )
         if not self.dof:
-            return Table("up minus down", ("level", "gap", ""), (), ("no level was reached both ways: memory cannot be seen",))
-        figures = f"largest gap {self.largest:.3g}, {100 * self.share:.2g} % of the span; χ²({self.dof}) = {self.chi2:.3g}, p = {self.p:.2g}"
+            return Table(
+                "up minus down", ("level", "gap", ""), (), ("no level was reached both ways: memory cannot be seen",)
+            )
+        test = f"χ²({self.dof}) = {self.chi2:.3g}, p = {self.p:.2g}"
+        figures = f"largest gap {self.largest:.3g}, {100 * self.share:.2g} % of the span; {test}"
         small = "; no more than slow drift or settling explain" if self.significant.any() else ""
-        return Table("up minus down", ("level", "gap", ""), rows, (figures, "memory" if self.memory else f"no memory claimed{small}"))
+        return Table(
+            "up minus down", ("level", "gap", ""), rows, (figures, "memory" if self.memory else f"no memory claimed{small}")
+        )
 
 
 def branch_gap(curve: StaticCurve, significance: float = 0.01, settled_within: float = 0.02) -> BranchGap:
@@ -46,7 +51,7 @@ def branch_gap(curve: StaticCurve, significance: float = 0.01, settled_within: f
     χ² = Σ gap²/(σ↑² + σ↓²) over the levels visited both ways, repeated visits averaged. Memory: p < significance and
     the largest gap exceeds `settled_within` of the curve's span, since a hold that is only settled to that band, or a rig
     that warms up, opens the same gap. Levels are marked at the family-wise level (Šidák). Where visits of one
-    level on one branch scatter beyond noise (p < 0.01), the errors grow with it. Source [PAPERS A, build 2].
+    level on one branch scatter beyond noise (p < 0.01), the errors grow with it.
 
     >>> import numpy as np
     >>> from whid.stages.levels import level_means

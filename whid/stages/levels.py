@@ -28,6 +28,7 @@ class StaticCurve(NamedTuple):
     long_run_variance: Annotated[float, Quantity("output²")]  # lim n·var(mean of n)
     equal_noise: bool  # False: every level has a noise variance of its own
     quantum: Annotated[float, Quantity("output")]  # step of a coarsely quantised output, 0 without
+    drifting: Annotated[NDArray[np.bool_], Quantity("1", ("level",))]  # still moving, beyond noise: in the error
 
     def table(self) -> Table:
         """Return level, direction and mean, a row a visit."""
@@ -40,6 +41,9 @@ class StaticCurve(NamedTuple):
         notes = [f"noise std {self.noise_std:.3g}, {order}, long-run variance {self.long_run_variance:.3g}"]
         notes += [] if self.equal_noise else ["the noise differs between levels: each has its own variance"]
         notes += [f"output quantised in steps of {self.quantum:.3g}"] if self.quantum else []
+        notes += [f"{self.drifting.sum()} of {len(self.level)} levels still drift: their errors include it"] * any(
+            self.drifting
+        )
         return Table("static curve", ("level", "reached", "mean", "samples"), rows, tuple(notes))
 
 
@@ -49,16 +53,18 @@ def level_means(
     """Return the mean of what each hold measures after `settle` seconds, and its standard error.
 
     mean = Σ y/n over samples at settle ≤ t, var(mean) = (γ₀ + 2 Σ (1 − k/n) γₖ)/n with γ of one autoregression pooled over
-    the holds (order by BIC, the bias of removing the means corrected); a hold keeps a noise variance of its own where
+    the holds (order by BIC, the bias of removing means and trends corrected); a hold keeps a noise variance of its own where
     the holds differ (Bartlett, p < 1e-4). An output quantised so coarsely that its noise cannot dither it keeps the
-    rounding error, up to step/√12. holds: (L) arrays of output, NaN where missing; level (L,), direction (L,) ±1 or 0; dt, settle in s. A hold with
-    fewer than min_samples valid samples left is dropped. Raises `WhidError("stage-too-short")` if none is left.
+    rounding error, up to step/√12; a hold that still drifts, its halves differing beyond noise, has their
+    difference in its error. holds: L arrays of output, NaN where missing; level (L,), direction (L,) ±1 or 0; dt,
+    settle in s. A hold with fewer than min_samples valid samples left is dropped. Raises `WhidError("stage-too-short")`
+    if none is left.
     Source [Brouri2019], eq. (3.13), corrected: the sum there has one sample too many.
 
     >>> holds = [2 + np.random.default_rng(k).normal(size=500) for k in range(5)]
     >>> curve = level_means(holds, np.arange(5.0), np.ones(5), dt=0.1, settle=10.0)
-    >>> curve.samples[0], bool(np.all(np.abs(curve.mean - 2) < 3 * curve.mean_std)), curve.mean_std.round(3)[0]
-    (400, True, 0.049)
+    >>> curve.samples, bool(np.all(np.abs(curve.mean - 2) < 3 * curve.mean_std)), curve.mean_std.round(2)
+    (array([400, 400, 400, 400, 400]), True, array([0.05, 0.05, 0.05, 0.05, 0.05]))
     """
     first = int(np.ceil(settle / dt - 1e-9))
     settled = [np.asarray(hold[first:], float) for hold in holds]
@@ -67,14 +73,16 @@ def level_means(
     if not len(kept):
         raise WhidError("stage-too-short", f"no hold has {min_samples} samples left after a settling time of {settle:.4g} s")
     settled, count = [settled[h] for h in kept], count[kept]
-    noise = estimate_noise(settled)
+    noise = estimate_noise(settled, degree=1)
     whole = count == np.array([len(y) for y in settled])
     variance = np.where(whole, noise.variance_of_mean(count), 0.0)
     for h in np.flatnonzero(~whole):
         variance[h] = noise.variance_of_masked_mean(np.isfinite(settled[h]))
     quantum = quantum_of(np.concatenate(settled))
     spread = np.array([np.nanstd(y, ddof=1) for y in settled])
-    std = np.sqrt(variance * noise.scale + quantisation_variance(spread, quantum))
+    drift, drift_variance = _drift(settled), 2 * noise.variance_of_mean(np.maximum(count // 2, 1)) * noise.scale
+    drifting = _drifting(drift**2, drift_variance)
+    std = np.sqrt(variance * noise.scale + quantisation_variance(spread, quantum) + np.where(drifting, drift**2, 0.0))
     return StaticCurve(
         np.asarray(level, float)[kept],
         np.array([np.nanmean(y) for y in settled]),
@@ -87,4 +95,22 @@ def level_means(
         noise.long_run_variance,
         bool(np.all(noise.scale == 1)),
         quantum,
+        drifting,
+    )
+
+
+def _drifting(square: Floats, variance: Floats) -> NDArray[np.bool_]:
+    """Return which holds drift: beyond 4 standard errors, or all above 1 when the holds together do (χ², p < 1e-4)."""
+    from scipy.special import chdtrc
+
+    variance = np.maximum(variance, 1e-300)
+    together = chdtrc(len(square), np.sum(square / variance)) < 1e-4
+    return np.asarray(square > (1 if together else 16) * variance)
+
+
+def _drift(holds: Sequence[Floats]) -> Floats:
+    """Return the mean of the second half minus that of the first, 0 where a half is missing."""
+    halves = [(y[: len(y) // 2], y[len(y) // 2 :]) for y in holds]
+    return np.array(
+        [np.nanmean(b) - np.nanmean(a) if min(np.isfinite(a).sum(), np.isfinite(b).sum()) else 0.0 for a, b in halves]
     )

@@ -30,19 +30,19 @@ class Settle(NamedTuple):
         return Table("settling time", ("settle s", "truncation s", "χ²", "dof", "p"), (row,), warn)
 
 
-def settle_time(holds: Sequence[Floats], dt: float, level: float = 0.01, margin: float = 1.5) -> Settle:
+def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, margin: float = 1.5) -> Settle:
     """Return the shortest truncation after which the holds show no drift, times a margin.
 
-    χ²(τ) = Σ (mean of the first quarter − mean of the last half)²/variance over the holds, each from τ on; the first τ, up to
-    half the shortest hold, with p(χ², H) ≥ level. The variances are those of noise as it is found in the last halves (an
-    autoregression, quadratic trends removed, so that a drift is not taken for noise). holds: output samples from each change of level on, NaN
-    where missing; dt and the result in s. Holds shorter than half the median are left out. Raises
-    `WhidError("stage-too-short")` without a hold of 16 samples. Source [PAPERS A, build 2].
+    χ²(τ) = Σ (mean of the first quarter − mean of the last half)²/variance over the holds, each from τ on; the first τ,
+    up to half the shortest hold, with p(χ², H) ≥ significance. The variances are those of the noise in the last halves:
+    an autoregression, quadratic trends removed, so that a drift is not taken for noise. holds: output samples from each
+    change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are left out.
+    Raises `WhidError("stage-too-short")` without a hold of 16 samples. Source [Brouri2019], the t_r of eq. (3.9).
 
     >>> t = np.arange(400)
     >>> noise = np.random.default_rng(1).normal(size=(8, 400))
-    >>> settle_time(list(noise + 50 * np.exp(-t / 20)), 0.1).settle
-    14.4
+    >>> round(settle_time(list(noise + 50 * np.exp(-t / 20)), 0.1).settle, 1)
+    15.9
     """
     from scipy.special import chdtrc
 
@@ -64,7 +64,7 @@ def settle_time(holds: Sequence[Floats], dt: float, level: float = 0.01, margin:
     statistic = np.nansum((early - late) ** 2 / variance, axis=1)
     dof = np.isfinite(early - late).sum(axis=1)
     p = chdtrc(dof, statistic)
-    passed = np.flatnonzero(p >= level)
+    passed = np.flatnonzero(p >= significance)
     at = int(passed[0]) if len(passed) else len(cut) - 1
     truncation = float(cut[at, 0]) * dt
     return Settle(margin * truncation, truncation, float(statistic[at]), int(dof[at]), float(p[at]), bool(len(passed)))

@@ -1,0 +1,171 @@
+"""Polynomial pieces joined: a jump or a kink at every border, then one fit of all coefficients and kinks."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import polynomial as poly
+from numpy.typing import NDArray
+
+from whid.fit import Estimate, Parameter, least_squares, linear_least_squares
+from whid.signal import Floats
+
+
+class Layout(NamedTuple):
+    """A way to cut M levels: `cuts[k]` is the first level right of border k; `knots[k]` is NaN at a jump."""
+
+    z: Floats  # (M,) levels scaled to [−1, 1]
+    mean: Floats
+    weight: Floats
+    cuts: NDArray[np.intp]  # (S,)
+    degrees: NDArray[np.intp]  # (S + 1,)
+    knots: Floats  # (S,)
+
+    @property
+    def jump(self) -> NDArray[np.bool_]:
+        """Return which borders are jumps."""
+        return np.isnan(self.knots)
+
+    @property
+    def offsets(self) -> NDArray[np.intp]:
+        """Return where each piece's coefficients start in the long vector, and its length."""
+        return np.append(0, np.cumsum(self.degrees + 1))
+
+    def design(self, knots: Floats) -> Floats:
+        """Return (M, coefficients): each level in the piece it lies in, a kink moving levels across as it moves."""
+        ends = np.where(self.jump, (self.z[self.cuts - 1] + self.z[self.cuts]) / 2, knots)
+        piece = np.searchsorted(ends, self.z, side="right")
+        matrix = np.zeros((len(self.z), self.offsets[-1]))
+        for k, degree in enumerate(self.degrees):
+            inside = piece == k
+            matrix[inside, self.offsets[k] : self.offsets[k + 1]] = poly.polyvander(self.z[inside], degree)
+        return matrix
+
+
+def meet(layout: Layout, price: float) -> Layout:
+    """Decide every border: a kink, at the point where making its pieces meet costs least, if that is ≤ price.
+
+    The pieces fitted apart differ at z by D(z) = right − left; making them meet there costs D²/var(D) exactly.
+    """
+    free = linear_least_squares(layout.design(layout.knots), layout.mean, layout.weight)
+    knots = layout.knots.copy()
+    for k, cut in enumerate(layout.cuts):
+        left, middle, right = layout.offsets[k : k + 3]
+        part = slice(left, right)
+        where = np.linspace(layout.z[cut - 1], layout.z[cut], 65)
+
+        def cost(point: Floats, split: int = middle - left, part: slice = part) -> Floats:
+            rows = difference(point, split, part.stop - part.start - split)
+            return np.asarray(
+                (rows @ free.values[part]) ** 2 / np.einsum("ij,jk,ik->i", rows, free.covariance[part, part], rows)
+            )
+
+        for _ in range(5):  # each pass narrows the bracket 32 times; the joint fit does the rest
+            least = int(np.argmin(cost(where)))
+            where = np.linspace(where[max(least - 1, 0)], where[min(least + 1, 64)], 65)
+        if cost(where).min() <= price:
+            knots[k] = where[np.argmin(cost(where))]
+    return layout._replace(knots=knots)
+
+
+def difference(z: Floats, left: int, right: int) -> Floats:
+    """Return rows that give right − left at z from the coefficients of two neighbouring pieces."""
+    return np.hstack([-poly.polyvander(z, left - 1), poly.polyvander(z, right - 1)])
+
+
+def joint(layout: Layout) -> tuple[Estimate, Layout]:
+    """Fit all coefficients and kinks at once; a kink's right piece has no constant of its own."""
+    kinks = np.flatnonzero(~layout.jump)
+    free = np.setdiff1d(np.arange(layout.offsets[-1]), layout.offsets[kinks + 1])
+    start = linear_least_squares(layout.design(layout.knots), layout.mean, layout.weight)
+    low, high = _reach(layout)
+    parameters = [Parameter(str(k), float(start.values[k])) for k in free]
+    parameters += [Parameter(f"knot.{k}", float(layout.knots[k]), "1", float(low[k]), float(high[k])) for k in kinks]
+
+    def unpack(theta: Floats) -> tuple[Floats, Floats]:
+        knots = layout.knots.copy()
+        knots[kinks] = theta[len(free) :]
+        return _continued(layout, free, theta[: len(free)], knots)[0], knots
+
+    def residual(theta: Floats) -> Floats:
+        coefficients, knots = unpack(theta)
+        return np.asarray(layout.design(knots) @ coefficients - layout.mean)
+
+    def tangent(theta: Floats) -> Floats:
+        _, knots = unpack(theta)
+        return np.asarray(layout.design(knots) @ _continued(layout, free, theta[: len(free)], knots)[1])
+
+    found = least_squares(residual, tangent, parameters, layout.weight)
+    _, knots = unpack(found.values)
+    cuts = layout.cuts.copy()
+    cuts[kinks] = np.searchsorted(layout.z, knots[kinks], side="right").clip(1, len(layout.z) - 1)
+    coefficients, change = _continued(layout, free, found.values[: len(free)], knots)
+    covariance = change @ found.covariance @ change.T
+    done = layout._replace(cuts=cuts, knots=knots)
+    return found._replace(
+        values=np.append(knots, coefficients), covariance=_with_breaks(done, found, change, covariance)
+    ), done
+
+
+def _reach(layout: Layout) -> tuple[Floats, Floats]:
+    """Return how far each kink may move: its gap, and one level on where the piece can spare it."""
+    edges = np.concatenate([[0], layout.cuts, [len(layout.z)]])
+    spare = np.diff(edges) > layout.degrees + 1
+    low = [layout.z[max(c - 1 - s, 0)] for c, s in zip(layout.cuts, spare[:-1], strict=True)]
+    high = [layout.z[min(c + s, len(layout.z) - 1)] for c, s in zip(layout.cuts, spare[1:], strict=True)]
+    return np.array(low), np.array(high)
+
+
+def _continued(layout: Layout, free: NDArray[np.intp], values: Floats, knots: Floats) -> tuple[Floats, Floats]:
+    """Return all coefficients (C,) and their derivative (C, free + kinks): a kink's constant makes its pieces meet."""
+    kinks = np.flatnonzero(~layout.jump)
+    coefficients = np.zeros(layout.offsets[-1])
+    coefficients[free] = values
+    change = np.zeros((len(coefficients), len(free) + len(kinks)))
+    change[free, np.arange(len(free))] = 1.0
+    for column, k in enumerate(kinks, len(free)):
+        left, middle, right = layout.offsets[k : k + 3]
+        row = -difference(knots[k : k + 1], middle - left, right - middle)[0]
+        coefficients[middle] = row @ coefficients[left:right]
+        change[middle] = row @ change[left:right]
+        slopes = [poly.polyval(knots[k], poly.polyder(coefficients[a:b])) for a, b in ((left, middle), (middle, right))]
+        change[middle, column] += slopes[0] - slopes[1]
+    return coefficients, change
+
+
+def _with_breaks(layout: Layout, found: Estimate, change: Floats, coefficients: Floats) -> Floats:
+    """Return the covariance of (breaks, coefficients); a jump's break is uniform in its gap, independent of the rest."""
+    kinks, count = np.flatnonzero(~layout.jump), len(layout.cuts)
+    covariance = np.zeros((count + len(coefficients),) * 2)
+    covariance[count:, count:] = coefficients
+    moved = found.covariance[-len(kinks) :] if len(kinks) else np.empty((0, found.covariance.shape[0]))
+    covariance[np.ix_(kinks, kinks)] = moved[:, moved.shape[1] - len(kinks) :]
+    covariance[kinks, count:] = moved @ change.T
+    covariance[count:, kinks] = (moved @ change.T).T
+    jumps = np.flatnonzero(layout.jump)
+    covariance[jumps, jumps] = (layout.z[layout.cuts[jumps]] - layout.z[layout.cuts[jumps] - 1]) ** 2 / 12
+    return covariance
+
+
+def rescaled(layout: Layout, estimate: Estimate, middle: float, half: float) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Return names, values and covariance of breaks and coefficients in the input's own unit."""
+    count = len(layout.cuts)
+    centres = (layout.z[layout.cuts - 1] + layout.z[layout.cuts]) / 2
+    knots = np.where(layout.jump, centres, layout.knots)
+    change = np.zeros((len(estimate.values),) * 2)
+    change[:count, :count] = half * np.eye(count)
+    for a, b in pairwise(count + layout.offsets):
+        change[a:b, a:b] = _expansion(b - a, -middle / half, 1 / half)
+    values = change @ np.append(knots, estimate.values[count:])
+    values[:count] += middle
+    names = [f"breaks.{k}" for k in range(count)]
+    names += [f"pieces.{k}.{power}" for k, degree in enumerate(layout.degrees) for power in range(degree + 1)]
+    return tuple(names), values, change @ estimate.covariance @ change.T
+
+
+def _expansion(size: int, shift: float, slope: float) -> Floats:
+    """Return the matrix that turns coefficients in shift + slope·u into coefficients in u."""
+    columns = [poly.polypow([shift, slope], power) for power in range(size)]
+    return np.column_stack([np.pad(column, (0, size - len(column))) for column in columns])
