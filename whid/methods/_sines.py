@@ -54,22 +54,27 @@ def pieces_under(pieces: Segmentation, sine: Sine) -> tuple[int, int]:
     return int(low), int(high)
 
 
-def degree_under(pieces: Segmentation, sine: Sine) -> int:
-    """Return the highest harmonic that f makes of a sine on one piece; all of them where it crosses a break."""
+def is_smooth(pieces: Segmentation, sine: Sine) -> bool:
+    """Tell whether a sine stays on one piece."""
     low, high = pieces_under(pieces, sine)
-    return int(pieces.degrees[low]) if low == high else len(sine.harmonics.order) - 1
+    return low == high
+
+
+def degree_under(pieces: Segmentation, sine: Sine) -> int:
+    """Return the degree of the piece at a sine's offset: the highest harmonic that f makes there."""
+    return int(pieces.degrees[np.searchsorted(pieces.breaks, sine.offset)])
 
 
 def responses_of(
-    sines: Sequence[Sine], pieces: Segmentation, curve: StaticCurve, on_piece: Sequence[bool]
+    sines: Sequence[Sine], pieces: Segmentation, curve: StaticCurve, left: Sequence[bool]
 ) -> tuple[StaticPart, Responses]:
     """Return f where the sines run, and their harmonics: to the piece's degree, or all where a break is crossed.
 
-    A sine whose harmonics above the degree are not noise (on_piece false) has left its piece: the neighbours join.
+    A sine that has left its piece, by its harmonics above the degree, takes the neighbouring pieces in.
     """
     spans = [pieces_under(pieces, sine) for sine in sines]
-    low = max(min(a - (not ok) for (a, _), ok in zip(spans, on_piece, strict=True)), 0)
-    high = min(max(b + (not ok) for (_, b), ok in zip(spans, on_piece, strict=True)), len(pieces.degrees) - 1)
+    low = max(min(a - gone for (a, _), gone in zip(spans, left, strict=True)), 0)
+    high = min(max(b + gone for (_, b), gone in zip(spans, left, strict=True)), len(pieces.degrees) - 1)
     breaks = pieces.breaks[low:high]
     degrees = tuple(int(d) for d in pieces.degrees[low : high + 1])
     here = (np.searchsorted(pieces.breaks, curve.level, side="right") >= low) & (
@@ -80,7 +85,7 @@ def responses_of(
     static = StaticPart(curve.level[here], curve.mean[here], error, breaks, coefficients, degrees)
     count = min(len(sine.harmonics.order) for sine in sines)
     orders = [
-        range(degrees[a - low] + 1) if a == b and ok else range(count) for (a, b), ok in zip(spans, on_piece, strict=True)
+        range(count) if gone or a < b else range(degrees[a - low] + 1) for (a, b), gone in zip(spans, left, strict=True)
     ]
     return static, Responses(
         np.array([s.omega for s in sines]),
@@ -96,3 +101,11 @@ def reached(static: StaticPart, responses: Responses) -> tuple[int, ...]:
     """Return the breaks of the part that a sine crosses: the sine locates those, the others only lie in their gap."""
     crossed = np.abs(static.breaks[:, None] - responses.offset) < np.abs(responses.phasor)
     return tuple(int(k) for k in np.flatnonzero(crossed.any(axis=1)))
+
+
+def above_noise(responses: Responses, times: float = 5.0) -> Responses:
+    """Return the responses with only those harmonics that stand out: without a model, |G_back| is free at every one."""
+    size = np.abs(responses.value) > times * responses.value_std
+    return responses._replace(
+        orders=tuple(tuple(k for k in ks if k == 0 or size[e, k]) for e, ks in enumerate(responses.orders))
+    )

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from whid.quantity import Measured
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -31,3 +33,15 @@ class StaticPart(NamedTuple):
     breaks: Floats  # (S,)
     coefficients: Floats  # (S + 1, d + 1), zero-padded, ascending
     degrees: tuple[int, ...]  # (S + 1,)
+
+
+def response_metrics(prefix: str, result: object) -> dict[str, Measured]:
+    """Return gains and phases of a result with the fields front_gain, back_phase_std, …, by name."""
+    found = {}
+    for block in ("front", "back"):
+        omegas = getattr(result, f"{block}_omega")
+        for quantity in ("gain", "phase"):
+            values, errors = getattr(result, f"{block}_{quantity}"), getattr(result, f"{block}_{quantity}_std")
+            for w, value, error in zip(omegas, values, errors, strict=True):
+                found[f"{prefix}.{block}.{quantity}@{w:.6g}"] = Measured(float(value), float(error))
+    return found

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from whid.fit import Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.stages._chain_fit import ChainFit, FreeResponse, frequencies
-from whid.stages._responses import Responses, StaticPart
+from whid.stages._responses import Responses, StaticPart, response_metrics
+from whid.stages.identifiability import nearest
+from whid.stages.rational import Rational
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class Joint(NamedTuple):
@@ -53,23 +54,17 @@ class Joint(NamedTuple):
         return response_metrics("joint", self)
 
 
-def joint(
-    static: StaticPart,
-    responses: Responses,
-    front: Complexes,
-    back: Complexes,
-    gauge: str,
-    gauge_covariance: Floats | None = None,
-    free_breaks: tuple[int, ...] = (),
-) -> Joint:
+def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks: tuple[int, ...] = ()) -> Joint:
     """Fit f, G_front(jω) and G_back(jkω) to levels and complex harmonics; never to angles, which wrap.
 
     min Σ_levels (f(U) − mean)²/std² + Σ_sines,k |A_k(|x|) e^{jk arg x} G_back(jkω) − H_k|²/std², x = phasor·G_front(jω).
-    front, back: start values at the distinct frequencies; along directions that the data leave free their phases stay, and
-    gauge_covariance (that of those phases, front then back) is their uncertainty.
-    Source [Brouri2019], eqs. (3.23)-(3.24), fitted as complex numbers.
+    gauge: the rational fit to the same data, the start; along directions that the data leave free its phases stay, with its
+    standard errors. Source [Brouri2019], eqs. (3.23)-(3.24), fitted as complex numbers.
     """
     omegas = frequencies(responses)
+    among = np.array([nearest(gauge.back_omega, w) for w in omegas[1]])
+    front = gauge.front_gain * np.exp(1j * gauge.front_phase)
+    back = (gauge.back_gain * np.exp(1j * gauge.back_phase))[among]
     problem = ChainFit(
         responses, static, FreeResponse(omegas[0], front, "front"), FreeResponse(omegas[1], back, "back"), free_breaks
     )
@@ -77,36 +72,23 @@ def joint(
     n, m = map(len, omegas)
     skip = len(estimate.names) - 2 * (n + m)
     place = skip + np.r_[n : 2 * n, 2 * n + m : 2 * (n + m)]  # the phases
-    phase_std = _phase_std(estimate, place, gauge_covariance)
+    of_gauge = np.r_[:n, n + among]
+    phase_std = _phase_std(estimate, place, gauge.phase_covariance[np.ix_(of_gauge, of_gauge)])
     fg, fp, bg, bp = np.split(estimate.values[skip:], np.cumsum([n, n, m]))
     fgs, _, bgs, _ = np.split(estimate.std[skip:], np.cumsum([n, n, m]))
     return Joint(
         omegas[0], np.exp(fg), np.exp(fg) * fgs, fp, phase_std[:n],
-        omegas[1], np.exp(bg), np.exp(bg) * bgs, bp, phase_std[n:], gauge, estimate,
+        omegas[1], np.exp(bg), np.exp(bg) * bgs, bp, phase_std[n:], "joint rational fit", estimate,
     )  # fmt: skip
 
 
-def _phase_std(estimate: Estimate, place: NDArray[np.intp], gauge_covariance: Floats | None) -> Floats:
+def _phase_std(estimate: Estimate, place: NDArray[np.intp], gauge_covariance: Floats) -> Floats:
     """Standard errors of the phases: within the determined directions from the fit, along the free ones from the gauge."""
     if estimate.rank == len(estimate.names):
         return estimate.std[place]
-    if gauge_covariance is None:
-        return np.full(len(place), np.inf)
-    scale = np.linalg.norm(estimate.null_directions[:, place], axis=1) > 1e-6
-    null = np.linalg.qr(estimate.null_directions[scale][:, place].T)[0]
+    in_phase = np.linalg.norm(estimate.null_directions[:, place], axis=1) > 1e-6
+    null = np.linalg.qr(estimate.null_directions[in_phase][:, place].T)[0]
     onto_null = null @ null.T
     within = np.eye(len(place)) - onto_null
     total = within @ estimate.covariance[np.ix_(place, place)] @ within + onto_null @ gauge_covariance @ onto_null
     return np.sqrt(np.diag(total))
-
-
-def response_metrics(prefix: str, result: object) -> dict[str, Measured]:
-    """Return gains and phases of a result with the fields of `Joint`, by name."""
-    found = {}
-    for block in ("front", "back"):
-        omegas = getattr(result, f"{block}_omega")
-        for quantity in ("gain", "phase"):
-            values, errors = getattr(result, f"{block}_{quantity}"), getattr(result, f"{block}_{quantity}_std")
-            for w, value, error in zip(omegas, values, errors, strict=True):
-                found[f"{prefix}.{block}.{quantity}@{w:.6g}"] = Measured(float(value), float(error))
-    return found

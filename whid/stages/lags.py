@@ -17,14 +17,16 @@ from whid.signal import Signal
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+DECIDED = 5.0  # nats: odds of 150 to 1
 CANDIDATES = (("front", 1), ("front", 2), ("back", 1), ("back", 2))
 
 
 class Lags(NamedTuple):
     """The four candidates 1/(a₁s + 1) and 1/(a₂s² + a₁s + 1), in front of f and behind it, and the one chosen.
 
-    coefficients are (a₁, a₂), NaN for the first order. rms_selection is on transitions that the fit did not use; margin is
-    the mean-square error of the best candidate on the other side of f minus that of the chosen one, there.
+    coefficients are (a₁, a₂), NaN for the first order. rms_selection is on transitions that the fit did not use. margin is the
+    log-likelihood by which the chosen side of f beats the other there, (Σe² − Σe²)/2σ²κ with κ = (1 + ρ)/(1 − ρ) for the
+    correlation ρ of neighbouring residuals, nats.
     """
 
     place: Annotated[tuple[str, ...], Quantity(dims=("candidate",))]
@@ -34,8 +36,7 @@ class Lags(NamedTuple):
     rms_estimation: Annotated[Floats, Quantity("output", dims=("candidate",))]
     rms_selection: Annotated[Floats, Quantity("output", dims=("candidate",))]
     chosen: int
-    margin: Annotated[float, Quantity("output**2", error="margin_std")]
-    margin_std: Annotated[float, Quantity("output**2")]
+    margin: float
     estimate: Estimate
 
     def table(self) -> Table:
@@ -52,7 +53,7 @@ class Lags(NamedTuple):
         )  # fmt: skip
         notes = ["1/(a₂s² + a₁s + 1); → smallest error on the transitions held back, then fitted to all of them"]
         if not self.decided:
-            notes.append("front or back: the level transitions cannot tell (the margin is within two standard errors)")
+            notes.append(f"front or back: the level transitions cannot tell (margin {self.margin:.2g} nats, {DECIDED:g} would)")
         return Table(
             "Lag from the level transitions", ("lag", "order", "a₁, s", "a₂, s²", "rms, fitted", "rms, held back"),
             rows, tuple(notes),
@@ -61,7 +62,7 @@ class Lags(NamedTuple):
     @property
     def decided(self) -> bool:
         """Tell whether the held-back transitions can tell front from back."""
-        return bool(self.margin > 2 * self.margin_std)
+        return self.margin > DECIDED
 
     def block(self) -> Linear:
         """Return the chosen lag."""
@@ -89,8 +90,7 @@ def lags(u: Signal, y: Floats, f: Block, hold: NDArray[np.intp], held_back: Mask
     loss = np.array([np.bincount(hold[judged], e[judged] ** 2, len(held_back)) for e in errors])[:, held_back]
     pick = [2 * side + int(_clearly(loss[2 * side], loss[2 * side + 1])) for side in (0, 1)]
     chosen, other = sorted(pick, key=lambda i: float(loss[i].sum()))
-    difference = loss[other] - loss[chosen]
-    count = max(int(judged.sum()), 1)
+    margin = float(loss[other].sum() - loss[chosen].sum()) / (2 * _long_run_variance(errors[chosen], judged))
     rms = [[float(np.sqrt(np.mean(e[m] ** 2))) if m.any() else np.nan for e in errors] for m in (inside, outside)]
     found[chosen] = _fit(*CANDIDATES[chosen], u, y, f, inside | outside, slowest)
     coefficients, std = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
@@ -98,18 +98,24 @@ def lags(u: Signal, y: Floats, f: Block, hold: NDArray[np.intp], held_back: Mask
         coefficients[i, : len(estimate.values)], std[i, : len(estimate.values)] = estimate.values, estimate.std
     return Lags(
         tuple(p for p, _ in CANDIDATES), np.array([o for _, o in CANDIDATES]), coefficients, std, np.array(rms[0]),
-        np.array(rms[1]), chosen, float(difference.sum()) / count, _sum_std(difference) / count, found[chosen],
+        np.array(rms[1]), chosen, margin, found[chosen],
     )  # fmt: skip
 
 
 def _clearly(loss: Floats, better: Floats) -> bool:
     """Tell whether the second loss is smaller by more than one standard error of the paired difference."""
     difference = loss - better
-    return bool(difference.sum() > _sum_std(difference))
+    std = np.std(difference, ddof=1) * np.sqrt(len(difference)) if len(difference) > 1 else np.inf
+    return bool(difference.sum() > std)
 
 
-def _sum_std(difference: Floats) -> float:
-    return float(np.std(difference, ddof=1) * np.sqrt(len(difference))) if len(difference) > 1 else float("inf")
+def _long_run_variance(error: Floats, where: Mask) -> float:
+    """Return the variance of residuals times κ, the factor by which neighbours repeat each other."""
+    inner = where[1:] & where[:-1]
+    variance = float(np.mean(error[where] ** 2))
+    rho = float(np.mean(error[1:][inner] * error[:-1][inner])) / variance if inner.any() and variance else 0.0
+    rho = min(max(rho, 0.0), 0.99)
+    return variance * (1 + rho) / (1 - rho) or np.finfo(float).tiny
 
 
 def _fit(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from whid.fit import Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.stages._chain_fit import ChainFit, RationalResponse, frequencies
-from whid.stages._responses import Responses, StaticPart
-from whid.stages.joint import response_metrics
+from whid.stages._responses import Responses, StaticPart, response_metrics
 
 Floats = NDArray[np.float64]
 Orders = tuple[int, int, int, int]  # zeros and poles of front, zeros and poles of back
+Start = tuple[Floats, ...]  # their coefficients, b and a of front, b and a of back
 
 
 class Rational(NamedTuple):
@@ -45,7 +45,9 @@ class Rational(NamedTuple):
     phase_covariance: Annotated[Floats, Quantity("rad**2", dims=("phase", "phase"))]  # front, then back
     tried: Annotated[NDArray[np.intp], Quantity(dims=("candidate", "order"))]
     bic: Annotated[Floats, Quantity(dims=("candidate",))]
-    reference: float
+    reference: Annotated[float, Quantity("rad/s")]
+    starts: int  # of the chosen orders, and how many of them ended in the same, best minimum
+    agreeing: int
     estimate: Estimate
 
     def table(self) -> Table:
@@ -58,7 +60,7 @@ class Rational(NamedTuple):
                     if power:
                         rows.append((f"{block} {part}", f"s^{power}", Measured(float(v), float(s))))
         e = self.estimate
-        fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; orders by BIC among {len(self.bic)} candidates; static gains are 1"
+        fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; orders by BIC among {len(self.bic)} candidates; static gains are 1; {self.agreeing} of {self.starts} starts agree"
         return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), (fit,))
 
     def metrics(self) -> dict[str, Measured]:
@@ -88,7 +90,9 @@ def rational(
     if orders is not None:
         orders = orders if back else (*orders[:2], 0, 0)
     best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb((highest, highest if back else 0))
-    return _result(best, search)
+    ends = [search.fit(best.orders, start).estimate.chi2 for start in search.first_starts(best.orders)]
+    best = search.seen[best.orders]
+    return _result(best, search, len(ends), sum(end < best.estimate.chi2 + 0.01 for end in ends))
 
 
 class _Fitted(NamedTuple):
@@ -120,7 +124,7 @@ class _Search:
                 return best
             best = winner
 
-    def first_starts(self, orders: Orders) -> Iterator[tuple[Floats, ...]]:
+    def first_starts(self, orders: Orders) -> Iterator[Start]:
         """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other."""
         top = float(self.omegas[0].max()) / self.reference
         for ratio in (1.0, 4.0, 0.25):
@@ -128,7 +132,7 @@ class _Search:
                 m, n, k, j = orders
                 yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
 
-    def grown(self, base: _Fitted, orders: Orders) -> Iterator[tuple[Floats, ...]]:
+    def grown(self, base: _Fitted, orders: Orders) -> Iterator[Start]:
         """Yield starts from a smaller model: added poles beyond the band, or the pole split in two; zeros at infinity."""
         parts = _coefficients(base)
         for factor in (1.0, 4.0, 16.0):
@@ -142,21 +146,30 @@ class _Search:
             yield tuple(start)
         yield from self.first_starts(orders) if sum(orders) <= 4 else ()
 
-    def best_of(self, orders: Orders, starts: Iterator[tuple[Floats, ...]]) -> _Fitted:
-        """Fit from every start; keep the best stable one."""
-        for b_front, a_front, b_back, a_back in starts:
-            problem = ChainFit(
-                self.responses, self.static,
-                RationalResponse(self.omegas[0], b_front, a_front, self.reference, "front"),
-                RationalResponse(self.omegas[1], b_back, a_back, self.reference, "back"), self.free_breaks,
-            )  # fmt: skip
-            estimate = problem.solve()
-            fitted = _Fitted(orders, problem, estimate, estimate.chi2 + self.penalty * len(estimate.names))
-            if not all(_stable(a) for a in _coefficients(fitted)[1::2]):
-                fitted = fitted._replace(bic=np.inf)
-            if orders not in self.seen or fitted.bic < self.seen[orders].bic:
-                self.seen[orders] = fitted
+    def best_of(self, orders: Orders, starts: Iterable[Start]) -> _Fitted:
+        """Fit from one start after another until two agree on the best minimum."""
+        ends: list[float] = []
+        for start in starts:
+            ends.append(self.fit(orders, start).bic)
+            if len(ends) > 1 and np.diff(np.sort(ends)[:2])[0] < 0.01:
+                break
         return self.seen[orders]
+
+    def fit(self, orders: Orders, start: Start) -> _Fitted:
+        """Fit once, and remember the best of these orders; an unstable model counts as no model."""
+        b_front, a_front, b_back, a_back = start
+        problem = ChainFit(
+            self.responses, self.static,
+            RationalResponse(self.omegas[0], b_front, a_front, self.reference, "front"),
+            RationalResponse(self.omegas[1], b_back, a_back, self.reference, "back"), self.free_breaks,
+        )  # fmt: skip
+        estimate = problem.solve()
+        fitted = _Fitted(orders, problem, estimate, estimate.chi2 + self.penalty * len(estimate.names))
+        if not all(_stable(a) for a in _coefficients(fitted)[1::2]):
+            fitted = fitted._replace(bic=np.inf)
+        if orders not in self.seen or fitted.bic < self.seen[orders].bic:
+            self.seen[orders] = fitted
+        return fitted
 
 
 def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
@@ -184,7 +197,7 @@ def _coefficients(fitted: _Fitted) -> list[Floats]:
     return np.split(fitted.estimate.values[len(fitted.estimate.values) - (m + n + k + j) :], np.cumsum([m, n, k]))
 
 
-def _result(best: _Fitted, search: _Search) -> Rational:
+def _result(best: _Fitted, search: _Search, starts: int, agreeing: int) -> Rational:
     m, n, k, j = best.orders
     skip = len(best.estimate.values) - (m + n + k + j)
     theta, std = best.estimate.values[skip:], best.estimate.std[skip:]
@@ -207,7 +220,7 @@ def _result(best: _Fitted, search: _Search) -> Rational:
         *(x for pair in polynomials for x in pair),
         search.omegas[0], abs(g[:split]), abs(g[:split]) * log_gain[:split], phase[:split], phase_std[:split],
         search.omegas[1], abs(g[split:]), abs(g[split:]) * log_gain[split:], phase[split:], phase_std[split:],
-        phases, np.array(order), np.array([search.seen[o].bic for o in order]), search.reference, best.estimate,
+        phases, np.array(order), np.array([search.seen[o].bic for o in order]), search.reference, starts, agreeing, best.estimate,
     )  # fmt: skip
 
 

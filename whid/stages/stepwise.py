@@ -67,12 +67,13 @@ def stepwise(static: StaticPart, responses: Responses, degree: int | None = None
     degree = static.degrees[piece] if degree is None else degree
     design = static.level[on_piece, None] ** np.arange(degree + 1)
     f = linear_least_squares(design, static.mean[on_piece], 1 / static.mean_std[on_piece])
-    count = max(max(ks) for ks in responses.orders)
+    orders = [[k for k in ks if k <= degree] for ks in responses.orders]
+    count = max(max(ks) for ks in orders)
     shape = (len(responses.omega), count)
     front, front_std = np.full(shape[0], np.nan), np.full(shape[0], np.nan)
     back, back_std = np.full(shape, np.nan), np.full(shape, np.nan)
     no_breaks = np.empty(0)
-    for e, ks in enumerate(responses.orders):
+    for e, ks in enumerate(orders):
         inner = _inner_gain(f.values, float(responses.offset[e]), abs(responses.phasor[e]), responses.value[e, 0].real)
         if inner is None:
             continue
