@@ -191,9 +191,9 @@ CATALOGUE: dict[str, Explanation] = {
         "Use `solve: delay`, put dynamics into the loop, or remove the jump from it.",
         FAILED,
     ),
-    "fit-rank": Explanation(
-        "The data do not determine every parameter of a fit.",
-        "Read the identifiability report: it names the free directions and an experiment that would pin them.",
+    "method-no-levels": Explanation(
+        "The method needs constant levels of the input, and the records have fewer than two for it.",
+        "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",
         FAILED,
     ),
 }

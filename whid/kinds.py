@@ -69,7 +69,7 @@ def plain(value: Any) -> Any:
         return ({"kind": kind} if kind and not own else {}) | {
             yaml_key(f.name): plain(getattr(value, f.name))
             for f in dataclasses.fields(value)
-            if getattr(value, f.name) != f.default
+            if getattr(value, f.name) != (f.default if f.default_factory is dataclasses.MISSING else f.default_factory())
         }
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}

@@ -27,12 +27,14 @@ def print_tables(*tables: Table) -> None:
     from rich.text import Text
 
     console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else WIDE)
-    for table in tables:
-        if table.title:
-            console.print(Text(table.title, "bold"))
-        console.print(_rich(table))
-        for note in table.notes:
-            console.print(Text(note))
+    with console.capture() as captured:
+        for table in tables:
+            if table.title:
+                console.print(Text(table.title, "bold"))
+            console.print(_rich(table))
+            for note in table.notes:
+                console.print(Text(note))
+    print("\n".join(line.rstrip() for line in captured.get().splitlines()))
 
 
 def _rich(table: Table) -> RichTable:

@@ -32,10 +32,9 @@ def command(name: str | None, as_json: bool) -> None:
     if as_json:
         print_json(tables)
         return
-    for kind, table in zip(kinds or [None], tables, strict=True):
-        if kind:
-            click.echo((kind.__doc__ or "").partition(">>>")[0].rstrip() + "\n")
-        print_tables(table)
+    for kind in kinds:
+        click.echo((kind.__doc__ or "").partition(">>>")[0].rstrip() + "\n")
+    print_tables(*tables)
 
 
 def _families() -> tuple[type[Kind], ...]:
@@ -80,17 +79,20 @@ def words(schema: dict[str, Any]) -> str:
     'list of number > 0'
     """
     if "oneOf" in schema:
-        return " or ".join(words(one) for one in schema["oneOf"] if one.get("type") != "null")
+        found = [words(one) for one in schema["oneOf"] if one.get("type") != "null"]
+        return " or ".join(one for one in found if f"list of {one}" not in found)  # one mapping may stand for a list
     if "const" in schema or "enum" in schema:
         return " | ".join(str(one) for one in schema.get("enum", [schema.get("const")]))
     if "$ref" in schema:
         return str(schema["$ref"]).rpartition("/")[2]
     if schema.get("type") == "array":
-        return f"list of {words(schema.get('items', {}))}"
+        fixed = ", ".join(words(one) for one in schema.get("prefixItems", ()))
+        return f"list of {fixed or words(schema.get('items', {}))}"
     signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
     limits = "".join(f" {sign} {schema[key]:g}" for key, sign in signs.items() if key in schema)
     names = {"boolean": "true | false", "integer": "whole number", "string": "text", "object": "mapping"}
-    return names.get(schema.get("type", ""), schema.get("type", "anything")) + limits
+    form = str(schema.get("type", "anything"))
+    return names.get(form, form) + limits
 
 
 def _unknown(name: str, families: tuple[type[Kind], ...]) -> str:

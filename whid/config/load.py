@@ -89,7 +89,7 @@ def _override(document: Document, text: str) -> None:
         if isinstance(here, dict) and here.get(key) is None:
             if key not in here and near(str(key), here):
                 raise WhidError("config-override", f"{spelled(path)} is not there{near(str(key), here)}", place)
-            here[key] = {}
+            here[key], document.places[path] = {}, place
         here = here[key]
     here, path = _entry(here, path, last, place)
     here[path[-1]] = new

@@ -53,10 +53,10 @@ def size(text: str) -> int:
 def human(count: float) -> str:
     """Return a number of bytes as people read it.
 
-    >>> human(2.52e9), human(180_000)
-    ('2.5 GB', '0.18 MB')
+    >>> human(2.52e9), human(153_400_000)
+    ('2.52 GB', '153 MB')
     """
-    return f"{count / 1e9:.2g} GB" if count >= 1e9 else f"{count / 1e6:.2g} MB"
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"
 
 
 def _file(source: DataSource, base: Path) -> int:

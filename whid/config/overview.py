@@ -18,10 +18,9 @@ def overview(study: Study, base: Path = Path()) -> Table:
     if study.plant:
         rows.append(("plant", text_of(study.plant)))
     for experiment in study.experiment:
-        parts = " · ".join(brief(plain(part)) for part in experiment.parts)
-        seconds = experiment.samples() * experiment.dt
-        length = f"{experiment.samples()} samples of {experiment.dt:.6g} s, {seconds:.6g} s"
-        rows.append((experiment.name, f"{length}: {parts}"))
+        samples = experiment.samples()
+        rows.append((experiment.name, f"{samples} samples of {experiment.dt:.6g} s, {samples * experiment.dt:.6g} s in all"))
+        rows += [("", brief(plain(part))) for part in experiment.parts]
     rows += [(source.name, brief(plain(source))) for source in study.sources]
     if study.model:
         rows.append(("model", text_of(study.model)))

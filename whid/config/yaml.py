@@ -19,6 +19,7 @@ Path = tuple[str | int, ...]  # ("plant", "chain", 1, "breaks")
 
 DEPTH = 50  # nested lists and mappings
 ALIASED = 10_000  # values reached through anchors
+TAGGED = "tags (`!…`) are not allowed: a config holds plain values"
 CORE = (  # tag, pattern, first characters: YAML 1.2.2, section 10.3.2
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
@@ -157,7 +158,7 @@ class _Reader:
         """Tell whether a node may be read: no tag, not inside itself, not the ten-thousandth copy."""
         if id(node) in self.tagged:
             self.tagged.discard(id(node))
-            self.fault(node, path, "tags (`!…`) are not allowed: a config holds plain values")
+            self.fault(node, path, TAGGED)
         self.aliased += id(node) in self.seen
         self.seen.add(id(node))
         if id(node) in self.inside:
@@ -175,9 +176,11 @@ class _Reader:
         own: set[str] = set() if taken is None else taken
         merged: list[yaml.Node] = []
         for key, item in node.value:
-            if key.tag.endswith(":merge") and id(key) not in self.tagged:
+            if id(key) in self.tagged:
+                self.fault(key, path, TAGGED)
+            elif key.tag.endswith(":merge"):
                 merged += item.value if isinstance(item, yaml.SequenceNode) else [item]
-            elif not isinstance(key, yaml.ScalarNode) or not key.tag.endswith(":str") or id(key) in self.tagged:
+            elif not isinstance(key, yaml.ScalarNode) or not key.tag.endswith(":str"):
                 self.fault(key, path, f"a key must be a name, not {_short(key)}")
             elif key.value not in own:
                 own.add(key.value)

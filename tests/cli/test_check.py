@@ -1,0 +1,64 @@
+import json
+from pathlib import Path
+
+import pytest
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def test_an_overview_of_the_starter(whid):
+    found = whid("check", CONFIGS / "starter.yaml")
+    assert found.exit_code == 0, found.stderr
+    assert "u → linear(num [1], den [16, 10, 1]) → piecewise(" in found.stdout
+    assert "14670 samples of 0.5 s" in found.stdout
+    assert "wiener_hammerstein" in found.stdout
+    assert "memory" in found.stdout
+
+
+def test_as_json(whid):
+    rows = json.loads(whid("check", CONFIGS / "starter.yaml", "--json", "--set", "name=other").stdout)["rows"]
+    assert {"section": "name", "what": "other"} in rows
+
+
+def test_design_p_has_its_samples(whid):
+    assert "29212 samples of 0.523599 s" in whid("check", CONFIGS / "brouri2019/table-4-1.yaml").stdout
+
+
+def test_every_fault_at_once(whid, tmp_path):
+    (tmp_path / "s.yaml").write_text("nam: x\nplant:\n  chain:\n  - {kind: dead_zone, low: a}\n")
+    found = whid("check", "s.yaml", "--set", "seed=-1")
+    assert found.exit_code == 2
+    assert found.stdout == ""
+    assert [line for line in found.stderr.splitlines() if line.startswith("error")] == [
+        "error[config-value]: --set seed: must be >= 0, not -1",
+        "error[config-missing]: s.yaml:1:1: name: is missing",
+        "error[config-missing]: s.yaml:1:1: identify: is missing",
+        "error[config-unknown]: s.yaml:1:1: nam: unknown key, did you mean name? (allowed: name, seed, plant, experiment, "
+        "data, records, model, identify, expect, sweep)",
+        "error[config-missing]: s.yaml:4:5: plant.chain[0].high: is missing",
+        "error[config-value]: s.yaml:4:28: plant.chain[0].low: must be a number, not the text 'a'",
+    ]
+
+
+def test_a_study_beyond_its_memory(whid):
+    found = whid("check", CONFIGS / "starter.yaml", "--set", "experiment.parts[0].hold_s=1e9")
+    assert found.exit_code == 2
+    assert "error[memory]: this study needs about" in found.stderr
+    assert whid("check", CONFIGS / "starter.yaml", "--max-memory", "1MB").exit_code == 2
+    assert "such as 4GB" in whid("check", CONFIGS / "starter.yaml", "--max-memory", "much").stderr
+
+
+def test_a_data_file_that_is_not_there(whid, tmp_path):
+    (tmp_path / "m.yaml").write_text("name: m\ndata: {file: no.csv}\nidentify: {kind: wiener_hammerstein}\n")
+    found = whid("check", "m.yaml")
+    assert found.exit_code == 2
+    assert "error[data-file]: no.csv: no such file" in found.stderr
+    (tmp_path / "no.csv").write_text("t,u,y\n")
+    assert whid("check", "m.yaml").exit_code == 0
+
+
+@pytest.mark.parametrize("name", ["absent.yaml", "."])
+def test_a_config_that_is_not_there(whid, name):
+    found = whid("check", name)
+    assert found.exit_code == 2
+    assert found.stderr.startswith(f"error[config-file]: {name}: ")
