@@ -47,7 +47,7 @@ class Record:
     @property
     def time(self) -> Floats:
         """Return the sample times, s."""
-        return self.t0 + self.dt * np.arange(len(self))
+        return np.asarray(self.t0 + self.dt * np.arange(len(self)), float)
 
     @property
     def mask(self) -> NDArray[np.bool_]:

@@ -19,9 +19,7 @@ from whid.system import System
 Metrics = dict[str, float | Measured]
 
 
-def score(
-    model: Model, records: Sequence[Record], residuals: Sequence[Floats], truth: System | None = None
-) -> Metrics:
+def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], truth: System | None = None) -> Metrics:
     """Return every metric by name.
 
     {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)

@@ -36,7 +36,11 @@ def simulate(
     signal = held(u, experiment.dt, between, 0.0, system.tree.panel_order(experiment.dt))
     noises = list(zip(system.noise, noise_rngs, strict=True))
     inner = [pair for pair in noises if pair[0].place == "nonlinearity"]
-    x = _disturbed(system, signal, experiment.initial, inner) if inner else respond(system.tree, signal, experiment.initial)[0]
+    x = (
+        _disturbed(system, signal, experiment.initial, inner)
+        if inner
+        else respond(system.tree, signal, experiment.initial)[0]
+    )
     y = x
     for noise, stream in noises:
         if noise.place == "output":
@@ -47,9 +51,7 @@ def simulate(
     )  # fmt: skip
 
 
-def _disturbed(
-    system: System, u: Signal, initial: str, noises: list[tuple[Disturbance, np.random.Generator]]
-) -> Floats:
+def _disturbed(system: System, u: Signal, initial: str, noises: list[tuple[Disturbance, np.random.Generator]]) -> Floats:
     """Return the output with noise, held between samples, added ahead of the first nonlinear block."""
     place = next((i for i, block in enumerate(system.chain) if block.kind not in ("linear", "delay")), len(system.chain))
     front = Chain(chain=system.chain[:place]) if place else None

@@ -91,10 +91,8 @@ def crb():
     bound_free = np.sqrt(np.diag(np.linalg.pinv(j.T @ j, rcond=1e-12, hermitian=True)))
     j = jacobian(p_rational, rational)
     covariance = np.linalg.inv(j.T @ j)
-    gradient = np.array(
-        [np.r_[np.log(np.concatenate(rational(p_rational[3:] + d))) - np.log(np.concatenate(rational(p_rational[3:] - d)))] / (2e-5)
-         for d in 1e-5 * np.eye(4)]
-    ).T  # fmt: skip
+    logs = [[np.log(np.concatenate(rational(p_rational[3:] + side * d))) for side in (1, -1)] for d in 1e-5 * np.eye(4)]
+    gradient = np.array([(up - down) / 2e-5 for up, down in logs]).T
     of_log = gradient @ covariance[3:, 3:] @ gradient.conj().T
     of_phase = gradient.imag @ covariance[3:, 3:] @ gradient.imag.T
     of_gain = gradient.real @ covariance[3:, 3:] @ gradient.real.T
@@ -128,12 +126,17 @@ def check_a5(count):
 
 def check_a6(count):
     runs = many(count)
-    gains = [rmse([r.front_gain for _, _, r in runs], abs(front(OMEGA))), rmse([r.back_gain for _, _, r in runs], abs(back(BACK)))]
+    gains = [
+        rmse([r.front_gain for _, _, r in runs], abs(front(OMEGA))),
+        rmse([r.back_gain for _, _, r in runs], abs(back(BACK))),
+    ]
     phases = [
         rmse([r.front_phase for _, _, r in runs], np.angle(front(OMEGA))),
         rmse([r.back_phase for _, _, r in runs], np.angle(back(BACK))),
     ]
-    print(f"\nA6 joint rational over {count} seeds: gains {np.concatenate(gains)} (bar .003), phases {np.concatenate(phases)} (bar .010)")
+    print(
+        f"\nA6 joint rational over {count} seeds: gains {np.concatenate(gains)} (bar .003), phases {np.concatenate(phases)} (bar .010)"
+    )
     assert max(map(np.max, gains)) <= 0.003
     assert max(map(np.max, phases)) <= 0.010
     nonparametric = [rmse([j.front_phase for _, j, _ in runs], np.angle(front(OMEGA)))]
@@ -169,7 +172,12 @@ def test_orders_are_found():
 def test_standard_errors_of_the_joint_phases_hold():
     z = []
     for _, j, _ in many(24):
-        z.append(np.r_[(j.front_phase - np.angle(front(OMEGA))) / j.front_phase_std, (j.back_phase - np.angle(back(BACK))) / j.back_phase_std])
+        z.append(
+            np.r_[
+                (j.front_phase - np.angle(front(OMEGA))) / j.front_phase_std,
+                (j.back_phase - np.angle(back(BACK))) / j.back_phase_std,
+            ]
+        )
     mean_square = np.mean(np.square(z), axis=0)  # each entry ~ χ²₂₄/24
     low, high = chi2.ppf([0.0005, 0.9995], 24) / 24
     assert np.all((mean_square > low) & (mean_square < high)), mean_square
@@ -191,7 +199,9 @@ def test_a4_identifiability_is_printed_with_its_reason():
 
 
 def test_without_noise_the_truth_comes_back():
-    found = stages(replace(clean(), y=clean().y + 1e-6 * np.random.default_rng(1).standard_normal(len(clean()))), settle_s=150.0)
+    found = stages(
+        replace(clean(), y=clean().y + 1e-6 * np.random.default_rng(1).standard_normal(len(clean()))), settle_s=150.0
+    )
     fit = found["Rational"][0]
     assert np.allclose(fit.front_den, [25.0, 12.5, 1.0], rtol=2e-4)
     assert np.allclose(fit.back_den, [10.0, 7.0, 1.0], rtol=2e-4)
@@ -214,7 +224,9 @@ def test_the_model_simulates_the_record():
 
 def dead_zone_record(seed, amplitude, noise=0.02):
     """Affine pieces only: a dead zone between two first-order lags."""
-    plant = System(chain=(Linear(num=(1.0,), den=(1.0, 1.0)), DeadZone(low=-1.0, high=1.0), Linear(num=(1.0,), den=(0.4, 1.0))))
+    plant = System(
+        chain=(Linear(num=(1.0,), den=(1.0, 1.0)), DeadZone(low=-1.0, high=1.0), Linear(num=(1.0,), den=(0.4, 1.0)))
+    )
     plan = Experiment(
         dt=0.05,
         parts=(
@@ -248,7 +260,13 @@ def test_sines_across_a_breakpoint_separate_the_blocks():
 def test_a_staircase_alone_gives_a_lag_and_says_what_is_missing():
     quiet = dead_zone_record(13, 1.0)
     stop = next(p.start for p in quiet.parts if p.kind == "sine")
-    steps = Record(u=quiet.u[:stop], y=quiet.y[:stop], dt=quiet.dt, parts=tuple(p for p in quiet.parts if p.kind == "hold"), initial="steady")
+    steps = Record(
+        u=quiet.u[:stop],
+        y=quiet.y[:stop],
+        dt=quiet.dt,
+        parts=tuple(p for p in quiet.parts if p.kind == "hold"),
+        initial="steady",
+    )
     found = stages(steps)
     lag = found["Lags"][0]
     assert lag.place == ("front", "front", "back", "back")

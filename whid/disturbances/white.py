@@ -22,7 +22,7 @@ class White(Disturbance):
 
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:
         """Return independent standard normal numbers."""
-        return rng.standard_normal(samples)
+        return np.asarray(rng.standard_normal(samples))
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return 1 at lag 0, nothing elsewhere."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -41,13 +42,13 @@ class Staircase(Part):
     def levels(self) -> Floats:
         """Return the levels on the way out."""
         count = int(np.floor(abs(self.to - self.from_) / self.step + 1e-9))
-        return self.from_ + np.sign(self.to - self.from_) * self.step * np.arange(count + 1)
+        return np.asarray(self.from_ + np.sign(self.to - self.from_) * self.step * np.arange(count + 1), float)
 
     def expand(self, dt: float) -> tuple[Part, ...]:
         """Return one hold a level."""
         out = self.levels()
         way = list(out) + (list(out[-2::-1]) if self.return_ else [])
-        rises = [way[1] >= way[0] if len(way) > 1 else True] + [b >= a for a, b in zip(way, way[1:], strict=False)]
+        rises = [way[1] >= way[0] if len(way) > 1 else True] + [b >= a for a, b in pairwise(way)]
         return tuple(
             Hold(level=float(round(u, 12)), hold_s=self.hold_s, direction="up" if up else "down", use=self.use)
             for u, up in zip(way, rises, strict=True)

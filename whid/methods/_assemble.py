@@ -11,7 +11,6 @@ from whid.blocks._block import Block
 from whid.blocks.linear import Linear
 from whid.blocks.piecewise import Piecewise
 from whid.blocks.table import Table
-from whid.fit import Estimate
 from whid.methods._method import Model
 from whid.record import Record
 from whid.signal import Floats
@@ -58,7 +57,7 @@ def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
 def from_rational(
     fit: Rational, static: StaticPart, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]
 ) -> Model:
-    """Return front, f, back: the pieces under the sines and the linear blocks from the joint fit, the rest from the levels."""
+    """Return front, f, back: the linear blocks and the pieces under the sines from the joint fit, the rest of f as it was."""
     first = int(np.searchsorted(pieces.breaks, static.breaks[0])) if len(static.breaks) else _piece_of(pieces, static)
     renamed = {name: _tree_name(name, first, fit) for name in fit.estimate.names}
     seg = pieces.estimate
@@ -71,7 +70,9 @@ def from_rational(
     covariance[:n, :n] = fit.estimate.covariance * np.outer(unit, unit)
     covariance[n:, n:] = seg.covariance[np.ix_(others, others)]
     std = np.concatenate([fit.estimate.std * unit, seg.std[others]])
-    order = fit.estimate._replace(names=names, values=values, covariance=covariance, std=std, rank=fit.estimate.rank + len(others))
+    order = fit.estimate._replace(
+        names=names, values=values, covariance=covariance, std=std, rank=fit.estimate.rank + len(others)
+    )
     blocks: tuple[Block, ...] = (
         Linear(num=tuple(map(float, fit.front_num)), den=tuple(map(float, fit.front_den))),
         _piecewise(pieces, dict(zip(names, values, strict=True))),

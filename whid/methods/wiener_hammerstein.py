@@ -11,7 +11,7 @@ from annotated_types import Ge, Gt
 
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
-from whid.methods._method import Method, Model, Stages
+from whid.methods._method import Method, Stages
 from whid.methods._sines import Sine, above_noise, degree_under, gather, is_smooth, reached, responses_of
 from whid.predict import input_signal
 from whid.record import Record
@@ -68,7 +68,9 @@ class WienerHammerstein(Method):
         pieces = segment(curve, max_degree=self.degree)
         yield pieces
         sines = gather(records, seconds, self.harmonics)
-        yield from (self._from_sines(records, curve, pieces, sines) if sines else self._from_steps(records, curve, pieces, seconds))
+        yield from (
+            self._from_sines(records, curve, pieces, sines) if sines else self._from_steps(records, curve, pieces, seconds)
+        )
 
     def _from_sines(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, sines: Sequence[Sine]
@@ -96,9 +98,7 @@ class WienerHammerstein(Method):
             yield joint(static, above_noise(responses), fit, crossed)
         yield assemble.from_rational(fit, static, pieces, self.normalisation, self._missing(any(left), affine))
 
-    def _from_steps(
-        self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float
-    ) -> Stages:
+    def _from_steps(self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float) -> Stages:
         """What a staircase alone tells: the transitions between levels."""
         record = max(records, key=lambda r: sum(part.length for part in r.select("hold")))
         f = assemble.static_block(curve, pieces)
@@ -115,13 +115,19 @@ class WienerHammerstein(Method):
     def _missing(self, left: bool, affine: bool) -> tuple[str, ...]:
         missing = []
         if affine:
-            missing.append("only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint")
+            missing.append(
+                "only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint"
+            )
         if left:
-            missing.append("a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted")
+            missing.append(
+                "a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted"
+            )
         return tuple(missing)
 
     def _missing_steps(self, found: Lags) -> tuple[str, ...]:
         missing = ["no sines: the frequency responses of front and back are those of one lag, not measured ones"]
         if not found.decided:
-            missing.append("level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can")
+            missing.append(
+                "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"
+            )
         return tuple(missing)

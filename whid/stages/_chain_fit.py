@@ -36,9 +36,12 @@ class FreeResponse(NamedTuple):
 
     def parameters(self) -> list[Parameter]:
         """Return log gains, then phases."""
-        gains = [Parameter(f"{self.block}.log_gain({w:.6g})", np.log(abs(g))) for w, g in zip(self.omega, self.start, strict=True)]
+        gains = [
+            Parameter(f"{self.block}.log_gain({w:.6g})", np.log(abs(g))) for w, g in zip(self.omega, self.start, strict=True)
+        ]
         return gains + [
-            Parameter(f"{self.block}.phase({w:.6g})", float(np.angle(g)), "rad") for w, g in zip(self.omega, self.start, strict=True)
+            Parameter(f"{self.block}.phase({w:.6g})", float(np.angle(g)), "rad")
+            for w, g in zip(self.omega, self.start, strict=True)
         ]
 
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
@@ -83,7 +86,9 @@ class ChainFit:
     def parameters(self) -> list[Parameter]:
         """Return f's coefficients, its free breaks, then the numbers of front and back."""
         s = self.static
-        f = [Parameter(f"f.pieces.{p}.{k}", float(s.coefficients[p, k]), "output") for p, k in zip(*self._places, strict=True)]
+        f = [
+            Parameter(f"f.pieces.{p}.{k}", float(s.coefficients[p, k]), "output") for p, k in zip(*self._places, strict=True)
+        ]
         f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self.free_breaks]
         return f + self.front.parameters() + self.back.parameters()
 
@@ -122,7 +127,8 @@ class ChainFit:
         tangent[:, of_breaks] = beyond[:, None] * inner.by_break[e, k][:, list(self.free_breaks)]
         zeta = d_front[self._front_place][e]
         tangent[:, of_front] = beyond[:, None] * (
-            (np.abs(x)[e] * inner.by_amplitude[e, k])[:, None] * zeta.real + 1j * (k * inner.value[e, k])[:, None] * zeta.imag
+            (np.abs(x)[e] * inner.by_amplitude[e, k])[:, None] * zeta.real
+            + 1j * (k * inner.value[e, k])[:, None] * zeta.imag
         )
         model = inner.value[e, k] * beyond
         tangent[:, of_back] = np.where(place < 0, 0.0, model)[:, None] * d_back[place]
@@ -139,7 +145,8 @@ class ChainFit:
     def _places(self) -> tuple[Ints, Ints]:
         """(piece, power) of every coefficient of f that is a parameter."""
         degrees = np.array(self.static.degrees)
-        return np.nonzero(np.arange(self.static.coefficients.shape[1]) <= degrees[:, None])
+        piece, power = np.nonzero(np.arange(self.static.coefficients.shape[1]) <= degrees[:, None])
+        return piece, power
 
     @cached_property
     def _slices(self) -> tuple[slice, slice, slice, slice]:
@@ -167,7 +174,9 @@ class ChainFit:
     def _back_place(self) -> Ints:
         """Where each datum's kω stands among the frequencies of back; −1 for the mean, whose gain is 1."""
         omegas = frequencies(self.responses)[1]
-        return np.array([nearest(omegas, k * self.responses.omega[e]) if k else -1 for e, k in zip(*self._present, strict=True)])
+        return np.array(
+            [nearest(omegas, k * self.responses.omega[e]) if k else -1 for e, k in zip(*self._present, strict=True)]
+        )
 
 
 def frequencies(responses: Responses) -> tuple[Floats, Floats]:

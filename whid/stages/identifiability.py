@@ -64,14 +64,17 @@ def identifiability(
     paper_names, paper_matrix, _ = phase_system(omega, [range(1, paper_degree + 1)] * len(omega))
     rank = int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
     observed = distinct(np.array([k * w for w, ks in zip(omega, orders, strict=True) for k in ks]))
-    missing = []
-    for w, ks in zip(omega, orders, strict=True):
-        for k in range(1, (wanted or paper_degree) + 1):
-            if k not in ks and not np.any(np.isclose(observed, k * w, rtol=1e-6)):
-                missing.append(
-                    f"G_back(j{k * w:.6g}): only harmonic {k} of the sine at {w:.6g} rad/s would reach it, "
-                    f"and the nonlinearity makes no harmonic {k} there"
-                )
+    unseen = [
+        (w, k)
+        for w, ks in zip(omega, orders, strict=True)
+        for k in range(1, (wanted or paper_degree) + 1)
+        if k not in ks and not np.any(np.isclose(observed, k * w, rtol=1e-6))
+    ]
+    missing = [
+        f"G_back(j{k * w:.6g}): only harmonic {k} of the sine at {w:.6g} rad/s would reach it, "
+        f"and the nonlinearity makes no harmonic {k} there"
+        for w, k in unseen
+    ]
     null = np.linalg.svd(matrix)[2][rank:] if matrix.size else np.eye(len(names))
     invariant = tuple(f"{_combination(row, names)}" for row in matrix)
     return Identifiability(

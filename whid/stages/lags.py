@@ -24,8 +24,8 @@ CANDIDATES = (("front", 1), ("front", 2), ("back", 1), ("back", 2))
 class Lags(NamedTuple):
     """The four candidates 1/(a₁s + 1) and 1/(a₂s² + a₁s + 1), in front of f and behind it, and the one chosen.
 
-    coefficients are (a₁, a₂), NaN for the first order. rms_selection is on transitions that the fit did not use. margin is the
-    log-likelihood by which the chosen side of f beats the other there, (Σe² − Σe²)/2σ²κ with κ = (1 + ρ)/(1 − ρ) for the
+    coefficients are (a₁, a₂), NaN for the first order. rms_selection is on transitions that the fit did not use. margin is
+    the log-likelihood by which the chosen side of f beats the other there, (Σe² − Σe²)/2σ²κ with κ = (1 + ρ)/(1 − ρ) for the
     correlation ρ of neighbouring residuals, nats.
     """
 
@@ -53,7 +53,9 @@ class Lags(NamedTuple):
         )  # fmt: skip
         notes = ["1/(a₂s² + a₁s + 1); → smallest error on the transitions held back, then fitted to all of them"]
         if not self.decided:
-            notes.append(f"front or back: the level transitions cannot tell (margin {self.margin:.2g} nats, {DECIDED:g} would)")
+            notes.append(
+                f"front or back: the level transitions cannot tell (margin {self.margin:.2g} nats, {DECIDED:g} would)"
+            )
         return Table(
             "Lag from the level transitions", ("lag", "order", "a₁, s", "a₂, s²", "rms, fitted", "rms, held back"),
             rows, tuple(notes),
@@ -118,9 +120,7 @@ def _long_run_variance(error: Floats, where: Mask) -> float:
     return variance * (1 + rho) / (1 - rho) or np.finfo(float).tiny
 
 
-def _fit(
-    place: str, order: int, u: Signal, y: Floats, f: Block, where: Mask, slowest: float
-) -> Estimate:
+def _fit(place: str, order: int, u: Signal, y: Floats, f: Block, where: Mask, slowest: float) -> Estimate:
     """Return the best fit of several starts; values are (a₁, a₂)."""
 
     def residual(a: Floats) -> Floats:

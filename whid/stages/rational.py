@@ -60,8 +60,9 @@ class Rational(NamedTuple):
                     if power:
                         rows.append((f"{block} {part}", f"s^{power}", Measured(float(v), float(s))))
         e = self.estimate
-        fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; orders by BIC among {len(self.bic)} candidates; static gains are 1; {self.agreeing} of {self.starts} starts agree"
-        return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), (fit,))
+        fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; static gains are 1; {self.agreeing} of {self.starts} starts agree"
+        search = f"orders by BIC among {len(self.bic)} candidates"
+        return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), (fit, search))
 
     def metrics(self) -> dict[str, Measured]:
         """Return gains and phases by name, `front.gain@0.02`."""
@@ -202,10 +203,8 @@ def _result(best: _Fitted, search: _Search, starts: int, agreeing: int) -> Ratio
     skip = len(best.estimate.values) - (m + n + k + j)
     theta, std = best.estimate.values[skip:], best.estimate.std[skip:]
     unit = search.reference ** -np.concatenate([np.arange(1, count + 1) for count in best.orders])
-    polynomials = [
-        (np.append(v[::-1], 1.0), np.append(s[::-1], 0.0))
-        for v, s in zip(np.split(theta * unit, np.cumsum([m, n, k])), np.split(std * unit, np.cumsum([m, n, k])), strict=True)
-    ]
+    values, errors = (np.split(x * unit, np.cumsum([m, n, k])) for x in (theta, std))
+    tops = [(np.append(v[::-1], 1.0), np.append(s[::-1], 0.0)) for v, s in zip(values, errors, strict=True)]
     front, d_front = best.problem.front(theta[: m + n])
     back, d_back = best.problem.back(theta[m + n :])
     zeta = np.zeros((len(front) + len(back), m + n + k + j), complex)
@@ -216,11 +215,12 @@ def _result(best: _Fitted, search: _Search, starts: int, agreeing: int) -> Ratio
     g, phase_std, split = np.concatenate([front, back]), np.sqrt(np.diag(phases)), len(front)
     phase = np.concatenate([_phase(best.problem.front, theta[: m + n]), _phase(best.problem.back, theta[m + n :])])
     order = sorted(search.seen)
+    bic = np.array([search.seen[o].bic for o in order])
     return Rational(
-        *(x for pair in polynomials for x in pair),
+        *tops[0], *tops[1], *tops[2], *tops[3],
         search.omegas[0], abs(g[:split]), abs(g[:split]) * log_gain[:split], phase[:split], phase_std[:split],
         search.omegas[1], abs(g[split:]), abs(g[split:]) * log_gain[split:], phase[split:], phase_std[split:],
-        phases, np.array(order), np.array([search.seen[o].bic for o in order]), search.reference, starts, agreeing, best.estimate,
+        phases, np.array(order), bic, search.reference, starts, agreeing, best.estimate,
     )  # fmt: skip
 
 

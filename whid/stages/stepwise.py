@@ -1,4 +1,4 @@
-"""The paper's own estimate: polynomial from the levels, |G_front| from the mean of the output, |G_back| from its harmonics."""
+"""The paper's own estimate: f from the levels, |G_front| from the mean of the output, |G_back| from its harmonics."""
 
 from __future__ import annotations
 
@@ -108,6 +108,7 @@ def _inner_gain(coefficients: Floats, offset: float, reach: float, mean: float) 
         series.append(float(derivative(offset)) / (2**j * factorial(j)) ** 2)
         derivative = derivative.deriv(2)
     series[0] -= mean
-    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(series, "b")) if len(np.trim_zeros(series, "b")) > 1 else np.empty(0)
-    squares = [r.real for r in np.atleast_1d(roots) if abs(r.imag) < 1e-9 * (1 + abs(r)) and r.real > 0]
+    series = np.trim_zeros(series, "b")
+    roots = np.polynomial.polynomial.polyroots(series) if len(series) > 1 else np.empty(0)
+    squares = [r.real for r in roots if abs(r.imag) < 1e-9 * (1 + abs(r)) and r.real > 0]
     return min((np.sqrt(s) for s in squares), key=lambda g: abs(g - reach), default=None)
