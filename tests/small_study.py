@@ -69,7 +69,7 @@ class SmallStudy(Method):
         """Yield Levels (twice if its wish is granted), then the Model."""
         yield levels(records[0])
         if self.fail:
-            raise {"named": WhidError("fit-rank", "two columns are one"), "bug": ZeroDivisionError("a bug"),
+            raise {"named": WhidError("block-no-steady-state", "an integrator"), "bug": ZeroDivisionError("a bug"),
                    "stopped": KeyboardInterrupt()}[self.fail]  # fmt: skip
         more = (yield Wanted((Hold(level=0.25, hold_s=5.0),), "a level inside the dead zone", 0.01)) if self.wants else None
         if more is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from whid.errors import CATALOGUE, WhidError
+from whid.errors import CATALOGUE, Explanation, WhidError
 from whid.quantity import Measured, Table
 from whid.record import Record
 from whid.signal import Floats
@@ -55,6 +55,11 @@ class Failure(NamedTuple):
     message: str
     during: str
 
+    @property
+    def explanation(self) -> Explanation:
+        """Return what the catalogue says; of a code that it has no more, what it says of any failure."""
+        return CATALOGUE.get(self.code, CATALOGUE["method-failed"])
+
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -92,14 +97,14 @@ class Result:
         return self.stages["model"]
 
     def every(self, stage: str) -> Iterator[Any]:
-        """Yield all results of one stage: `harmonics`, `harmonics_2`, … of the first sine, the second, …"""
+        """Yield all results of one stage: `harmonics`, `harmonics_2`, … of one sine after another."""
         return (value for name, value in self.stages.items() if re.fullmatch(rf"{stage}(_\d+)?", name))
 
     @property
     def exit_code(self) -> int:
         """Return 0, or the exit code of the fault, of a breached bound (4), of one that was not measured (5)."""
         if self.error:
-            return CATALOGUE[self.error.code].exit_code
+            return self.error.explanation.exit_code
         verdicts = {check.verdict for check in self.checks}
         return BREACHED if "breached" in verdicts else NOT_MEASURED if "not measured" in verdicts else 0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -33,9 +34,11 @@ def page(result: Result) -> str:
 
 def _all(result: Result) -> Iterator[Table]:
     yield _study(result)
-    for stage in result.stages.values():
+    for name, stage in result.stages.items():
         if hasattr(stage, "table"):
-            yield stage.table()
+            table = stage.table()
+            number = re.search(r"_(\d+)$", name)
+            yield table._replace(title=f"{table.title} {number[1]}") if number else table
     if "model" in result.stages:
         yield _model(result)
     yield _fit(result)
@@ -97,13 +100,32 @@ def _ratio(estimate: Any) -> str:
     return f"{estimate.chi2 / estimate.dof:.3g}, {estimate.dof} dof" if estimate.dof > 0 else "undefined (0 dof)"
 
 
-def _true_values(result: Result, names: tuple[str, ...]) -> dict[str, float]:
-    """Return the truth by parameter name; nothing unless plant and model are written alike."""
+def _true_values(result: Result, names: tuple[str, ...]) -> dict[str, float | None]:
+    """Return the truth by parameter name, nothing unless plant and model share the blocks and their static gains."""
     if result.truth is None or [b.kind for b in result.truth.chain] != [b.kind for b in result.model.system.chain]:
         return {}
-    values = {parameter.name: parameter.value for parameter in result.truth.tree.parameters(held=True)}
-    model = {parameter.name for parameter in result.model.system.tree.parameters(held=True)}
-    return values if set(names) <= set(values) == model else {}
+    found: dict[str, float | None] = {}
+    for place, (true, model) in enumerate(zip(result.truth.chain, result.model.system.chain, strict=True)):
+        values = _values(true)
+        if hasattr(model, "gain_at"):
+            gains = [complex(block.gain_at(np.zeros(1))[0]) for block in (true, model)]
+            if not np.isclose(*gains, rtol=1e-6):
+                return {}
+            values = _scaled_alike(values, _values(model))
+        alike = values.keys() == _values(model).keys()
+        found |= {f"chain.{place}.{name}": value for name, value in values.items()} if alike else {}
+    return {name: found.get(name) for name in names} if found else {}
+
+
+def _values(block: Any) -> dict[str, float]:
+    return {parameter.name: parameter.value for parameter in block.parameters(held=True)}
+
+
+def _scaled_alike(true: dict[str, float], model: dict[str, float]) -> dict[str, float]:
+    """Return num and den of the truth over a common factor, the one that makes the last of den the model's."""
+    last = max((name for name in true if name.startswith("den.")), key=lambda name: int(name[4:]), default="")
+    factor = model.get(last, 0.0) / true[last] if last and true[last] else 1.0
+    return {name: value * (factor or 1.0) if name[:4] in ("num.", "den.") else value for name, value in true.items()}
 
 
 def _fit(result: Result) -> Table:

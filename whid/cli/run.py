@@ -44,10 +44,8 @@ def report(result: Any, as_json: bool, seconds: float | None = None) -> None:
         print(f"\n{'reused, nothing was run: ' if result.reused else ''}{result.path}")
         print("  " + "  ".join(["result.h5", "summary.md", *result.pictures]))
     if result.error:
-        from whid.errors import CATALOGUE
-
         click.echo(f"error[{result.error.code}]: in {result.error.during}: {result.error.message}", err=True)
-        click.echo(f"try: {CATALOGUE[result.error.code].remedy}", err=True)
+        click.echo(f"try: {result.error.explanation.remedy}", err=True)
 
 
 def _object(result: Any, seconds: float | None) -> dict[str, Any]:

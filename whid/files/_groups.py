@@ -34,7 +34,7 @@ def units(text: str, of: Units) -> str:
         unit = of.get(match[0], match[0])
         return f"({unit})" if re.search(r"[/* ·]", unit) and match[0] != text else unit
 
-    return re.sub(r"(?<=.)/1$", "", re.sub(r"\b(input|output)\b", replaced, text))
+    return re.sub(r"(?<=.)/1$", "", re.sub(r"(?<![A-Za-z_])(input|output)(?![A-Za-z_])", replaced, text))
 
 
 def write(parent: h5py.Group, name: str, value: Any, of: Units) -> h5py.Group:
@@ -48,10 +48,10 @@ def write(parent: h5py.Group, name: str, value: Any, of: Units) -> h5py.Group:
     for field in value._fields:
         label = f"{error_of[field]}_errors" if field in error_of else field
         put(group, label, getattr(value, field), units(quantities[field].units, of), of, field)
+    axes = {dim for quantity in quantities.values() for dim in quantity.dims}
     for field, quantity in quantities.items():
         label = f"{error_of[field]}_errors" if field in error_of else field
-        if isinstance(group.get(label), h5py.Dataset):
-            _attach(group, label, quantity.dims)
+        attach(group, label, quantity.dims or ((field,) if field in axes else ()))
     _nexus(group, quantities)
     return group
 
@@ -99,8 +99,7 @@ def get(item: h5py.Group | h5py.Dataset, tree: Callable[[Any], System]) -> Any:
     if isinstance(item, h5py.Group):
         if item.attrs["type"] == "sequence":
             return tuple(get(item[str(k)], tree) for k in range(1, len(item) + 1))
-        fields = {str(v.attrs.get("field", k)): get(v, tree) for k, v in item.items() if _is_value(v)}
-        return _rebuilt(str(item.attrs["type"]), fields)
+        return _rebuilt(str(item.attrs["type"]), fields(item, tree))
     python = item.attrs["python"]
     if python in ("json", "system"):
         value = json.loads(item.asstr()[()])
@@ -111,6 +110,11 @@ def get(item: h5py.Group | h5py.Dataset, tree: Callable[[Any], System]) -> Any:
     return {"array": lambda: value, "tuple": lambda: tuple(np.asarray(value).tolist())}.get(python, value.item)()
 
 
+def fields(group: h5py.Group, tree: Callable[[Any], System]) -> dict[str, Any]:
+    """Read every value of a group by field; axes that are only an index are left out."""
+    return {str(item.attrs.get("field", name)): get(item, tree) for name, item in group.items() if _is_value(item)}
+
+
 def _encoded(value: Any) -> tuple[Any, str]:
     """Return what is stored and the name of the Python type to return to."""
     if isinstance(value, System):
@@ -119,6 +123,8 @@ def _encoded(value: Any) -> tuple[Any, str]:
         return value, "str"
     if isinstance(value, (bool, int, float, complex, np.generic)):
         return value, type(value).__name__
+    if isinstance(value, (tuple, list)) and not value:
+        return np.empty(0, object), "tuple"
     try:
         data = np.asarray(value)
     except ValueError:  # ragged
@@ -160,9 +166,11 @@ def _quantity(hint: Any) -> Quantity | None:
     return next((found for part in get_args(hint) if (found := _quantity(part))), None)
 
 
-def _attach(group: h5py.Group, name: str, dims: tuple[str, ...]) -> None:
+def attach(group: h5py.Group, name: str, dims: tuple[str, ...] = ()) -> None:
     """Put a dimension scale on every axis: the field of that name where there is one, an index otherwise."""
-    dataset = group[name]
+    dataset = group.get(name)
+    if not isinstance(dataset, h5py.Dataset):
+        return
     for axis, length in enumerate(dataset.shape):
         wanted = dims[axis] if axis < len(dims) else f"{name}_{axis}"
         scale = _scale(group, wanted, length, repeated=wanted in dims[:axis])

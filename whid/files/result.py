@@ -17,7 +17,7 @@ import numpy as np
 
 from whid.errors import WhidError
 from whid.experiments._part import Part
-from whid.files._groups import PACKED, Units, array, get, put, write
+from whid.files._groups import PACKED, Units, array, attach, fields, get, put, units, write
 from whid.kinds import plain, yaml_key
 from whid.quantity import Measured, Table
 from whid.record import Record
@@ -51,8 +51,8 @@ def read_result(path: Path, tree: Tree) -> Result:
     """Read a result back; raise `WhidError("result-unreadable")` for a file that is not one."""
     try:
         with h5py.File(path) as file:
-            rest = {key: get(item, tree) for key, item in file["provenance"].items() if key != "result"}
             kept = json.loads(file["provenance/result"].asstr()[()])
+            origin = fields(file["provenance"], tree)
             records, residuals = zip(*(_record(item) for item in file["records"].values()), strict=True)
             return Result(
                 name=file.attrs["name"],
@@ -66,7 +66,8 @@ def read_result(path: Path, tree: Tree) -> Result:
                 error=Failure(*kept["error"]) if kept["error"] else None,
                 tables=tuple(_table(row) for row in kept["tables"]),
                 pictures=tuple(kept["pictures"]),
-                provenance=rest,
+                truth=origin.pop("truth", None),
+                provenance=origin,
                 path=path.parent,
             )
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as fault:
@@ -142,9 +143,9 @@ def _metrics(group: h5py.Group, result: Result, unit: Callable[[str], str], of: 
     group.attrs["NX_class"] = "NXcollection"
     for name, metric in result.metrics.items():
         value, std = metric if isinstance(metric, Measured) else (metric, None)
-        array(group, name, float(value), unit(name))
+        array(group, name, float(value), units(unit(name), of))
         if std is not None:
-            array(group, f"{name}_errors", float(std), unit(name))
+            array(group, f"{name}_errors", float(std), units(unit(name), of))
 
 
 def _number(item: h5py.Dataset) -> float | Measured:
@@ -154,8 +155,9 @@ def _number(item: h5py.Dataset) -> float | Measured:
 
 def _provenance(group: h5py.Group, result: Result) -> None:
     group.attrs["NX_class"] = "NXcollection"
-    for name, value in result.provenance.items():
+    for name, value in {**result.provenance, "truth": result.truth}.items():
         put(group, name, value, "1", {})
+        attach(group, name)
     kept = {name: getattr(result, name) for name in ("checks", "asked", "warnings", "error", "tables", "pictures")}
     tables = [table._replace(rows=tuple(tuple(map(_cell, row)) for row in table.rows)) for table in result.tables]
     array(group, "result", json.dumps(kept | {"tables": tables}, default=float), "")

@@ -17,7 +17,7 @@ DONE = "DONE"
 
 
 class RunFolder:
-    """A run's folder in the making; `keep` gives it the first free name of `<stem>`, `<stem>.2`, `<stem>.3`, …
+    """A run's folder in the making; `keep` gives it the first free name of `<stem>`, `<stem>.2`, … in turn.
 
     A process that dies on the way leaves a hidden folder without DONE, which no later run looks at; two processes
     never share one. Raises `WhidError("run-folder")` where it cannot be made.

@@ -9,13 +9,16 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
 MEASURED, MODEL, TRUTH, OTHER, QUIET = "black", "#0072B2", "#D55E00", "#009E73", "#8a8a8a"  # Okabe and Ito
+GAP = "#F0E442"
 SETTINGS = {
     "font.size": 9.5,
     "axes.titlesize": 10,
@@ -34,7 +37,7 @@ SETTINGS = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.limits": (-4, 6),
     "path.simplify": True,
 }
 DPI = 160
@@ -47,6 +50,10 @@ def save(draw: Callable[[Any, Figure], None], run: Any, path: Path) -> None:
         figure = Figure(figsize=(7.4, 4.8), layout="constrained")
         FigureCanvasAgg(figure)
         draw(run, figure)
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            layout.execute(figure)
+            figure.set_layout_engine("none")  # laid out once: savefig would draw twice
         figure.savefig(path, dpi=DPI)
 
 
@@ -72,6 +79,14 @@ def envelope(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floa
     blocks = y[:whole].reshape(-1, step)
     pairs = np.stack([np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)], axis=1)  # NaN where all are
     return np.repeat(x[:whole:step], 2), pairs.ravel()
+
+
+def log_ticks(axis: Axis) -> None:
+    """Write plain numbers on a logarithmic axis: at 1, 2, 5 where it spans less than three decades."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 1000 else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())  # minor ticks cost more time than everything else in a picture
 
 
 def note(axes: Axes, text: str) -> None:

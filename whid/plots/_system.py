@@ -62,12 +62,22 @@ class _Chain:
         self.chain = chain
 
 
+def jump_levels(system: Any) -> Floats:
+    """Return the input levels at which the steady output of linear, static and linear blocks in series jumps."""
+    places = [place for place, block in enumerate(system.chain) if hasattr(block, "jumps")]
+    if len(places) != 1:
+        return np.empty(0)
+    block, front = system.chain[places[0]], system.chain[: places[0]]
+    static = np.prod([complex(b.gain_at(np.zeros(1))[0]).real for b in front if hasattr(b, "gain_at")])
+    return np.asarray(block.breakpoints()[np.asarray(block.jumps()) != 0] / static)
+
+
 def steady_curve(system: Any, levels: Floats, dt: float) -> Floats:
     """Return the output level of every constant input, NaN where there is none."""
     out = np.full(len(levels), np.nan)
     for k, level in enumerate(levels):
         try:
             out[k] = system.tree.steady(float(level), dt)[0]
-        except Exception:  # noqa: BLE001, S112 (a curve with a gap)
+        except Exception:
             continue
     return out

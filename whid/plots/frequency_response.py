@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MEASURED, MODEL, TRUTH, Floats
+from whid.plots._style import MEASURED, MODEL, TRUTH, Floats, log_ticks
 from whid.plots._system import gain, gain_and_band, linear_blocks
 
 NEEDS = ("model",)
@@ -16,62 +16,79 @@ POINTS = "joint"  # the stage with the responses at the measured frequencies
 
 
 def draw(run: Any, figure: Figure) -> None:
-    """Draw one column a side that has linear blocks: gain above, phase below."""
+    """Draw a column a side that has linear blocks: gain and phase, below each what differs from the model."""
     model = run.stages["model"]
     sides = [side for side in ("front", "back") if linear_blocks(model.system, side)]
     if not sides:
         figure.text(0.5, 0.5, "the model has no linear block", ha="center")
         return
-    figure.set_size_inches(3.9 * max(len(sides), 1.5), 5.2)
-    axes = figure.subplots(2, len(sides), sharex="col", squeeze=False)
-    for (upper, lower), side in zip(axes.T, sides, strict=True):
-        _side(upper, lower, run, side)
-        upper.set_title(f"{side.capitalize()} block")
-    axes[0, 0].set_ylabel("gain, relative to zero frequency")
-    axes[1, 0].set_ylabel("phase, degrees")
+    figure.set_size_inches(4.0 * max(len(sides), 1.5), 6.6)
+    axes = figure.subplots(4, len(sides), sharex="col", squeeze=False, height_ratios=(2.2, 1, 2.2, 1))
+    for column, side in zip(axes.T, sides, strict=True):
+        _side(column, run, side)
+        column[0].set_title(f"{side.capitalize()} block")
+        column[-1].set_xlabel("frequency, rad/s")
+    for ax, text in zip(axes[:, 0], ("gain / static gain", "− model, %", "phase, degrees", "− model, degrees"), strict=True):
+        ax.set_ylabel(text)
     axes[0, 0].legend(loc="lower left")
 
 
-def _side(upper: Axes, lower: Axes, run: Any, side: str) -> None:
+def _side(axes: Any, run: Any, side: str) -> None:
     model, points = run.stages["model"], _points(run, side)
     places = linear_blocks(model.system, side)
     omega = _frequencies(model.system, places, points, run.records[0].dt)
-    g, std = gain_and_band(model, places, omega)
-    _curves(upper, lower, omega, g, color=MODEL, label="model, 95 % band")
-    phase = np.degrees(np.unwrap(np.angle(g)))
-    upper.fill_between(
-        omega, np.abs(g) * np.exp(-1.96 * std[0]), np.abs(g) * np.exp(1.96 * std[0]), color=MODEL, alpha=0.22, lw=0
-    )
-    wide = np.degrees(1.96 * std[1])
-    lower.fill_between(omega, phase - wide, phase + wide, color=MODEL, alpha=0.22, lw=0)
+    response, std = gain_and_band(model, places, omega)
+    _pair(axes[:2], omega, np.abs(response), std[0], relative=True)
+    _pair(axes[2:], omega, np.degrees(np.unwrap(np.angle(response))), np.degrees(std[1]))
     if run.truth is not None and linear_blocks(run.truth, side):
-        truth = gain(run.truth, linear_blocks(run.truth, side), omega)
-        _curves(upper, lower, omega, truth, color=TRUTH, ls="--", lw=1.1, label="truth")
+        ratio = gain(run.truth, linear_blocks(run.truth, side), omega) / response
+        style = {"color": TRUTH, "ls": "--", "lw": 1.1, "label": "truth"}
+        axes[0].plot(omega, np.abs(response * ratio), **style)
+        axes[1].plot(omega, 100 * (np.abs(ratio) - 1), **style)
+        axes[2].plot(omega, np.degrees(np.unwrap(np.angle(response)) + np.angle(ratio)), **style)
+        axes[3].plot(omega, np.degrees(np.angle(ratio)), **style)
     if points is not None:
-        style = {"fmt": "o", "color": MEASURED, "mfc": "white", "capsize": 2, "elinewidth": 1, "zorder": 3}
-        upper.errorbar(points["omega"], points["gain"], 1.96 * points["gain_std"], **style, label="at the sines")
-        near = np.interp(points["omega"], omega, phase)
-        turned = np.degrees(points["phase"]) + 360 * np.round((near - np.degrees(points["phase"])) / 360)
-        lower.errorbar(points["omega"], turned, np.degrees(1.96 * points["phase_std"]), **style)
-    upper.set_xscale("log")
-    upper.set_yscale("log")
-    _ticks(upper)
-    lower.set_xlabel("frequency, rad/s")
+        _measured(axes, points, gain(model.system, places, points["omega"]), np.unwrap(np.angle(response)), omega)
+    for ax, band, scale in ((axes[1], std[0], 100.0), (axes[3], std[1], np.degrees(1.0))):
+        _zoom(ax, omega, scale * band, points)
+    axes[0].set_xscale("log")
+    axes[0].set_yscale("log")
+    for axis in (axes[0].xaxis, axes[0].yaxis):
+        log_ticks(axis)
 
 
-def _curves(upper: Axes, lower: Axes, omega: Floats, g: Any, **style: Any) -> None:
-    upper.plot(omega, np.abs(g), **style)
-    lower.plot(omega, np.degrees(np.unwrap(np.angle(g))), **style)
+def _pair(axes: Any, omega: Floats, value: Floats, std: Floats, relative: bool = False) -> None:
+    """Draw a curve with its 95 % band, and the band alone below."""
+    half = 1.96 * std
+    low, high = (value * np.exp(-half), value * np.exp(half)) if relative else (value - half, value + half)
+    axes[0].fill_between(omega, low, high, color=MODEL, alpha=0.22, lw=0)
+    axes[0].plot(omega, value, color=MODEL, label="model, 95 % band")
+    half = 100 * half if relative else half
+    axes[1].fill_between(omega, -half, half, color=MODEL, alpha=0.22, lw=0)
+    axes[1].axhline(0, color=MODEL, lw=1)
 
 
-def _ticks(axes: Axes) -> None:
-    """Write plain numbers, and at 1, 2, 5 where less than two decades are shown."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+def _measured(axes: Any, points: dict[str, Floats], model: Any, phase: Floats, omega: Floats) -> None:
+    style: dict[str, Any] = {
+        "fmt": "o", "color": MEASURED, "mfc": "white", "capsize": 2, "elinewidth": 1, "zorder": 3, "label": "at the sines",
+    }  # fmt: skip
+    w, gain_error = points["omega"], 1.96 * points["gain_std"]
+    turned = np.angle(np.exp(1j * points["phase"]) / model)  # measured less model, no whole turns
+    phase_error = np.degrees(1.96 * points["phase_std"])
+    axes[0].errorbar(w, points["gain"], gain_error, **style)
+    axes[1].errorbar(w, 100 * (points["gain"] / np.abs(model) - 1), 100 * gain_error / np.abs(model), **style)
+    axes[2].errorbar(w, np.degrees(np.interp(w, omega, phase) + turned), phase_error, **style)
+    axes[3].errorbar(w, np.degrees(turned), phase_error, **style)
 
-    low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 100 else (1.0,)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+
+def _zoom(ax: Axes, omega: Floats, std: Floats, points: dict[str, Floats] | None) -> None:
+    """Show the differences where something was measured; further out the band may leave the picture."""
+    inside = omega <= 2 * points["omega"].max() if points else np.ones(len(omega), bool)
+    widest = 1.96 * np.nanmax(std[inside], initial=0.0)
+    for line in ax.containers:
+        widest = max([widest, *(np.abs(s).max() for bars in line[2] for s in (np.array(bars.get_segments())[..., 1],))])
+    if np.isfinite(widest) and widest > 0:
+        ax.set_ylim(-1.3 * widest, 1.3 * widest)
 
 
 def _points(run: Any, side: str) -> dict[str, Floats] | None:

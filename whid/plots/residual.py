@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, note
+from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, log_ticks, note
 
 NEEDS = ("residuals",)
 USES = {"estimation": MODEL, "selection": "#009E73", "report": TRUTH}
@@ -52,6 +52,8 @@ def _spectra(axes: Axes, record: Any, residual: Floats) -> None:
     for x, colour, name in ((record.y, QUIET, "output"), (residual, MODEL, "residual")):
         filled = np.where(known, x, np.mean(x[known]))
         frequency, density = welch(filled, 1 / record.dt, nperseg=length, detrend="constant")
-        axes.loglog(2 * np.pi * frequency[1:], np.sqrt(density[1:] / (2 * np.pi)), color=colour, lw=0.9, label=name)
-    axes.set_ylabel(f"amplitude density, {record.units['output'].replace('1', '') or 'units'}/√(rad/s)")
+        axes.loglog(2 * np.pi * frequency[1:-1], np.sqrt(density[1:-1] / (2 * np.pi)), color=colour, lw=0.9, label=name)
+    for axis in (axes.xaxis, axes.yaxis):
+        log_ticks(axis)
+    axes.set_ylabel(f"density, {record.units['output']}/√(rad/s)")
     axes.legend(loc="best")

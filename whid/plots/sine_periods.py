@@ -40,12 +40,12 @@ def draw(run: Any, figure: Figure) -> None:
         axes[2 * (k // columns) + 1, k % columns].axis("off")
     for row in range(rows):
         axes[2 * row, 0].set_ylabel(label("output", units["output"]))
-        axes[2 * row + 1, 0].set_ylabel("output − model")
+        axes[2 * row + 1, 0].set_ylabel(label("output − model", units["output"]))
     for ax in axes[-1]:
         ax.set_xlabel("time / period")
-    axes[0, 0].legend(loc="best")
-    if len(folds) > MOST:
-        figure.suptitle(f"the first {MOST} of {len(folds)} sines", fontsize=9)
+    shown_of = f"the first {MOST} of {len(folds)} sines" if len(folds) > MOST else None
+    curves, noise = (ax.get_legend_handles_labels() for ax in axes[:2, 0])
+    figure.legend(curves[0] + noise[0], curves[1] + noise[1], loc="outside upper center", ncols=3, title=shown_of)
 
 
 def _one(upper: Axes, lower: Axes, fold: Fold) -> None:
@@ -53,7 +53,9 @@ def _one(upper: Axes, lower: Axes, fold: Fold) -> None:
     upper.plot(fold.phase, fold.model, color=MODEL, lw=1.2, label="model")
     upper.set_title(fold.title, fontsize=9)
     lower.axhline(0, color=MODEL, lw=1)
-    lower.fill_between(fold.phase, -1.96 * fold.std, 1.96 * fold.std, color=QUIET, alpha=0.3, lw=0, label="95 % of noise")
+    lower.fill_between(
+        fold.phase, -1.96 * fold.std, 1.96 * fold.std, color=QUIET, alpha=0.3, lw=0, label="95 % of the noise of a mean"
+    )
     lower.plot(fold.phase, fold.mean - fold.model, ".", color=MEASURED, ms=2.5)
 
 
@@ -70,7 +72,7 @@ def _folds(run: Any) -> Iterator[Fold]:
 
 def _fold(y: Floats, residual: Floats, period: float, title: str) -> Fold:
     """Average in bins of phase, a sample a bin where the period is short."""
-    bins = min(round(period), 400)
+    bins = round(period / np.ceil(period / 400))
     turn = np.arange(len(y)) / period % 1
     index = np.minimum((turn * bins + 1e-6).astype(int), bins - 1)
     known = np.isfinite(residual) & np.isfinite(y)
