@@ -119,7 +119,7 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
 
     s, n = len(r.phi), len(signal.values)
     x0 = np.zeros(s, r.phi.dtype) if state is None else np.asarray(state)
-    if not s and not callable(signal.between):
+    if not n or (not s and not callable(signal.between)):
         return signal.with_values(r.d * signal.values), x0
     if signal.sampled:
         numerator, denominator, to_zi = r.direct

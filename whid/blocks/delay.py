@@ -155,7 +155,7 @@ def _jumps(v: Panels) -> Impulses:
     pieces = _cut(v, 0.0)
     ends = rule(len(pieces.values)).ends @ pieces.values
     jump = ends[0, 1:] - ends[1, :-1]
-    hit = np.flatnonzero(np.abs(jump) > 1e-9 * np.abs(ends).max(initial=0.0))
+    hit = np.flatnonzero(jump)
     return Impulses(pieces.index[hit + 1], pieces.start[hit + 1], -jump[hit])
 
 

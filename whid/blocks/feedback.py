@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from whid.blocks._block import Block, State, Tangents
+from whid.blocks._loop import StaticLoop, error, memoryless, root, static_tangent
 from whid.blocks._split import pointwise, total
-from whid.blocks._static import Static
-from whid.blocks.chain import Chain
-from whid.blocks.parallel import Parallel
-from whid.errors import WhidError
-from whid.signal import Floats, Panels, Signal, joined
+from whid.signal import Floats, Signal, joined
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +26,7 @@ class Feedback(Block):
            algebraic   e_n = u_n + sign·z_n: solved at every sample
 
     Between samples what comes back is held and everything else is exact; a loop of static blocks is solved between
-    samples as well (kinks of the closed loop are not searched for there). Without `back` the output itself comes back.
+    samples as well, its kinks met where they are. Without `back` the output itself comes back.
     Cost: a loop with dynamics goes sample by sample, some 0.1 ms a sample and block, algebraic four times that; a loop of
     static blocks is vectorised. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
 
@@ -49,7 +46,7 @@ class Feedback(Block):
         if not len(signal.values):
             return signal, state
         if self._instant:
-            return self.forward.step(self._error(signal))[0], None
+            return self.forward.step(error(self._static, signal))[0], None
         passed = []
         loop = state or _Loop()
         for n in range(len(signal.values)):
@@ -66,7 +63,7 @@ class Feedback(Block):
         if not len(signal.values):
             return Tangents(signal, [signal] * (len(seeds) + len(wrt)), state)
         if self._instant:
-            return self._instant_tangent(signal, seeds, wrt)
+            return Tangents(*static_tangent(self._static, signal, seeds, wrt), None)
         zero = signal.with_values(np.zeros(len(signal.values)), "discrete" if signal.sampled else "zoh")
         inputs = [*seeds, *[zero] * len(wrt)]
         plain, tangents, dz = state or (_Loop(), _Loop(), np.zeros(len(inputs)))
@@ -92,13 +89,17 @@ class Feedback(Block):
             z, back = (y, None) if self.back is None else self.back.steady(y, dt)
             return y, _Loop(forward, back, z)
 
-        e = _root(lambda e: level + self.sign * rest(e)[1].z - e, level, "at rest")
+        e = root(lambda e: level + self.sign * rest(e)[1].z - e, level, "at rest")
         y, loop = rest(e)
         return y, None if self._instant else loop
 
     @property
     def _instant(self) -> bool:
-        return self.solve == "algebraic" and _memoryless(self.forward) and (self.back is None or _memoryless(self.back))
+        return self.solve == "algebraic" and memoryless(self.forward) and (self.back is None or memoryless(self.back))
+
+    @property
+    def _static(self) -> StaticLoop:
+        return StaticLoop(self.forward, self.back, self.sign)
 
     def _stepped(self, e: Signal, loop: _Loop) -> _Loop:
         y, forward = self.forward.step(e, loop.forward)
@@ -112,7 +113,7 @@ class Feedback(Block):
         def residual(e: float) -> float:
             return float(u.values[0]) + self.sign * self._stepped(trial.with_values(np.array([e])), loop).z - e
 
-        e = _root(residual, float(u.values[0]) + self.sign * loop.z, f"at t = {u.t0:g} s")
+        e = root(residual, float(u.values[0]) + self.sign * loop.z, f"at t = {u.t0:g} s")
         return self._stepped(trial.with_values(np.array([e])), loop).z
 
     def _round(
@@ -130,65 +131,6 @@ class Feedback(Block):
         *_, second = self._round(trial, [_plus(d, 1.0) for d in seeds], wrt, loop)
         return np.asarray(first / (1 - self.sign * (second - first)))
 
-    def _error(self, u: Signal) -> Signal:
-        """Return e of a loop without memory, wherever u is known."""
-
-        def solved(values: Floats) -> Floats:
-            return self._instant_error(values.ravel()).reshape(values.shape)
-
-        def between() -> Panels:
-            panels, s = u.panels, u.panels.splits
-            return Panels(solved(panels.values), s._replace(values=solved(s.values)) if len(s.index) else s)
-
-        return u.with_values(solved(u.values), between if callable(u.between) else None)
-
-    def _instant_error(self, u: Floats) -> Floats:
-        """Solve e = u + sign·back(forward(e)) for every u: damped Newton, and root by root where that fails."""
-        e, (z, slope) = u.copy(), self._gain(u)
-        r = u + self.sign * z - e
-        for _ in range(50):
-            open_ = np.abs(r) > 1e-14 * (np.abs(u) + np.abs(z) + 1e-300)
-            if not open_.any():
-                return e
-            with np.errstate(all="ignore"):
-                step = np.where(open_, r / (1 - self.sign * slope), 0.0)
-            for _ in range(5):
-                z_trial, slope_trial = self._gain(e + step)
-                r_trial = u + self.sign * z_trial - e - step
-                worse = ~(np.abs(r_trial) <= np.abs(r))
-                if not worse.any():
-                    break
-                step = np.where(worse, step / 4, step)
-            better = np.abs(r_trial) < np.abs(r)
-            if not better.any():
-                break
-            e, z = np.where(better, e + step, e), np.where(better, z_trial, z)
-            r, slope = np.where(better, r_trial, r), np.where(better, slope_trial, slope)
-        for n in np.flatnonzero(np.abs(r) > 1e-11 * (np.abs(u) + np.abs(z))):
-            e[n] = self._instant_root(float(u[n]), float(e[n]))
-        return e
-
-    def _instant_root(self, u: float, guess: float) -> float:
-        return _root(lambda e: u + self.sign * float(self._gain(np.array([e]))[0][0]) - e, guess, f"at input {u:g}")
-
-    def _gain(self, e: Floats) -> tuple[Floats, Floats]:
-        loop = self.forward if self.back is None else Chain(chain=(self.forward, self.back))
-        z, (slope,), _ = loop.tangent(Signal(e, 1.0), [Signal(np.ones(len(e)), 1.0)], ())
-        return z.values, slope.values
-
-    def _instant_tangent(self, u: Signal, seeds: Sequence[Signal], wrt: Sequence[str]) -> Tangents:
-        """Return dy = m·forward′·(du + sign·∂back) + m·∂forward with m = 1/(1 − sign·back′·forward′)."""
-        e = self._error(u)
-        one = pointwise(np.ones_like, [e])
-        y, (rate, *own), _ = self.forward.tangent(e, [one], [n[8:] for n in wrt if n.startswith("forward.")])
-        loop, behind = rate, list[Signal]()
-        if self.back is not None:
-            _, (loop, *behind), _ = self.back.tangent(y, [rate], [n[5:] for n in wrt if n.startswith("back.")])
-        along = [pointwise(lambda f, g, d: f * d / (1 - self.sign * g), [rate, loop, seed]) for seed in seeds]
-        ahead = iter([pointwise(lambda g, d: d / (1 - self.sign * g), [loop, d]) for d in own])
-        after = iter([pointwise(lambda f, g, d: self.sign * f * d / (1 - self.sign * g), [rate, loop, d]) for d in behind])
-        return Tangents(y, along + [next(ahead if n.startswith("forward.") else after) for n in wrt], None)
-
 
 class _Loop(NamedTuple):
     """The state of a loop: of both blocks, and what comes back."""
@@ -196,12 +138,6 @@ class _Loop(NamedTuple):
     forward: Any = None
     back: Any = None
     z: float = 0.0
-
-
-def _memoryless(block: Block) -> bool:
-    if isinstance(block, (Chain, Parallel)):
-        return all(_memoryless(child) for child in block.children())
-    return isinstance(block, Static) or (isinstance(block, Feedback) and block._instant)
 
 
 def _plus(signal: Signal, level: float) -> Signal:
@@ -223,37 +159,3 @@ def _added(
     for k, own in zip(mine, along[len(seeds) :], strict=True):
         columns[first + k] = total([columns[first + k], own])
     return out, columns, state
-
-
-def _root(residual: Callable[[float], float], guess: float, where: str) -> float:
-    """Solve residual(e) = 0: secant from the guess, and where that fails a bracket and Brent's method.
-
-    Raises `WhidError("feedback-no-solution")`.
-    """
-    from scipy.optimize import brentq
-
-    def small(r: float, e: float) -> bool:
-        return abs(r) <= 1e-13 * (abs(e) + abs(guess)) + 1e-300
-
-    e, r = guess, residual(guess)
-    e_next = e + r
-    for _ in range(20):
-        if small(r, e):
-            return e
-        r_next = residual(e_next)
-        if small(r_next, e_next) or r_next == r:
-            break
-        e, r, e_next = e_next, r_next, e_next - r_next * (e_next - e) / (r_next - r)
-        if not np.isfinite(e_next):
-            break
-    if np.isfinite(e_next) and small(residual(e_next), e_next):
-        return e_next
-    r, width = residual(guess), abs(guess) + 1.0
-    for reach in width * 2.0 ** np.arange(-20, 40):
-        for far in (guess - reach, guess + reach):
-            if residual(far) * r < 0:
-                e = float(brentq(residual, guess, far, xtol=1e-300, rtol=1e-15))
-                if abs(residual(e)) <= 1e-9 * (abs(e) + width):
-                    return e
-                raise WhidError("feedback-no-solution", f"the loop's residual jumps over zero at e = {e:g}", where)
-    raise WhidError("feedback-no-solution", "no value of e balances the loop", where)
