@@ -1,1 +1,1 @@
-"""Column operations: what is done to measured columns before they become a Record; one file each, the folder is the registry."""
+"""Column operations: from measured columns to a Record; one file each, the folder is the registry."""

@@ -1,0 +1,55 @@
+"""What makes a record useless, found before anybody fits it: dead columns, swapped columns, too few samples. Pure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whid.errors import WhidError
+from whid.files.grid import Where
+from whid.signal import Floats
+from whid.stages.causality import causality
+
+FEWEST = 16  # samples
+STUCK = 0.2  # of the record: a last stretch without any change is worth a note
+HELD = 0.75  # of the samples equal to their predecessor: the column looks like a held command
+
+
+def check_alive(x: Floats, column: str, where: Where) -> None:
+    """Raise `WhidError("data-dead")` for a column that never changes."""
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
+    if high - low <= 1e-13 * max(abs(low), abs(high)):
+        raise WhidError("data-dead", f"the {column} is {low:.6g} from the first row to the last", where(0))
+
+
+def check_length(samples: int, where: str) -> None:
+    """Raise `WhidError("data-length")` for a record that is too short."""
+    if samples < FEWEST:
+        raise WhidError("data-length", f"{samples} samples, at least {FEWEST} are needed", where)
+
+
+def check_order_of_columns(u: Floats, y: Floats, where: Where) -> None:
+    """Raise `WhidError("data-swapped")` when the declared output moves before the declared input.
+
+    By prewhitened cross-correlation; where that cannot tell, by looks: a held, stepped column is a command.
+    """
+    verdict = causality(u, y).verdict
+    if verdict == "swapped":
+        step = int(np.argmax(np.abs(np.diff(y)))) + 1
+        raise WhidError("data-swapped", "the output moves before the input does, as at this step", where(step))
+    if verdict == "cannot tell" and held(y) > HELD and held(u) < 1 - HELD:
+        step = int(np.flatnonzero(np.diff(y))[0]) + 1
+        raise WhidError("data-swapped", "the output is held and stepped like a command, the input is not", where(step))
+
+
+def held(x: Floats) -> float:
+    """Return the fraction of samples that equal their predecessor, where x has more than two values (a relay has two)."""
+    return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 2 else 0.0
+
+
+def stuck(u: Floats, y: Floats, where: Where) -> tuple[str, ...]:
+    """Return a note when y stops changing for good while u goes on."""
+    changes = np.flatnonzero(np.diff(y))
+    last = int(changes[-1]) + 1 if len(changes) else 0
+    if len(y) - last > STUCK * len(y) and np.ptp(u[last:]) > 0:
+        return (f"the output does not change after {where(last)}, while the input does: a stuck sensor?",)
+    return ()
