@@ -45,28 +45,37 @@ class Layout(NamedTuple):
 
 
 def meet(layout: Layout, price: float) -> Layout:
-    """Decide every border: a kink, at the point where making its pieces meet costs least, if that is ≤ price.
+    """Decide every border: a kink where making its pieces meet, at the point where that costs least, costs χ² ≤ price.
 
-    The pieces fitted apart differ at z by D(z) = right − left; making them meet there costs D²/var(D) exactly.
+    Pieces fitted apart that cross inside their gap meet for nothing. Those that cross beyond it have levels to hand
+    over: one fit with the knot free tells the price. Those that do not cross at all differ by D(z) = right − left, and
+    making them meet at z costs D²/var(D) exactly.
     """
     free = linear_least_squares(layout.design(layout.knots), layout.mean, layout.weight)
+    low, high = _reach(layout)
     knots = layout.knots.copy()
     for k, cut in enumerate(layout.cuts):
         left, middle, right = layout.offsets[k : k + 3]
-        part = slice(left, right)
-        where = np.linspace(layout.z[cut - 1], layout.z[cut], 65)
-
-        def cost(point: Floats, split: int = middle - left, part: slice = part) -> Floats:
-            rows = difference(point, split, part.stop - part.start - split)
-            return np.asarray(
-                (rows @ free.values[part]) ** 2 / np.einsum("ij,jk,ik->i", rows, free.covariance[part, part], rows)
-            )
-
-        for _ in range(5):  # each pass narrows the bracket 32 times; the joint fit does the rest
-            least = int(np.argmin(cost(where)))
-            where = np.linspace(where[max(least - 1, 0)], where[min(least + 1, 64)], 65)
-        if cost(where).min() <= price:
-            knots[k] = where[np.argmin(cost(where))]
+        gap = layout.z[cut - 1 : cut + 1]
+        apart = poly.polysub(free.values[middle:right], free.values[left:middle])
+        roots = poly.polyroots(apart)
+        roots = roots[np.abs(roots.imag) < 1e-9].real
+        roots = roots[(roots >= low[k]) & (roots <= high[k])]
+        if len(roots):
+            nearest = float(roots[np.argmin(np.abs(roots - gap.mean()))])
+            trial = np.full(len(knots), np.nan)
+            trial[k] = nearest
+            if gap[0] <= nearest <= gap[1]:
+                knots[k] = nearest
+            elif (met := joint(layout._replace(knots=trial), 10))[0].chi2 - free.chi2 <= price:
+                knots[k] = met[1].knots[k]
+        else:
+            where = np.linspace(gap[0], gap[1], 65)
+            rows = difference(where, middle - left, right - middle)
+            covariance = free.covariance[left:right, left:right]
+            cost = (rows @ free.values[left:right]) ** 2 / np.einsum("ij,jk,ik->i", rows, covariance, rows)
+            if cost.min() <= price:
+                knots[k] = where[np.argmin(cost)]
     return layout._replace(knots=knots)
 
 
@@ -75,7 +84,7 @@ def difference(z: Floats, left: int, right: int) -> Floats:
     return np.hstack([-poly.polyvander(z, left - 1), poly.polyvander(z, right - 1)])
 
 
-def joint(layout: Layout) -> tuple[Estimate, Layout]:
+def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
     """Fit all coefficients and kinks at once; a kink's right piece has no constant of its own."""
     kinks = np.flatnonzero(~layout.jump)
     free = np.setdiff1d(np.arange(layout.offsets[-1]), layout.offsets[kinks + 1])
@@ -97,7 +106,7 @@ def joint(layout: Layout) -> tuple[Estimate, Layout]:
         _, knots = unpack(theta)
         return np.asarray(layout.design(knots) @ _continued(layout, free, theta[: len(free)], knots)[1])
 
-    found = least_squares(residual, tangent, parameters, layout.weight)
+    found = least_squares(residual, tangent, parameters, layout.weight, max_iterations=iterations)
     _, knots = unpack(found.values)
     cuts = layout.cuts.copy()
     cuts[kinks] = np.searchsorted(layout.z, knots[kinks], side="right").clip(1, len(layout.z) - 1)
@@ -110,12 +119,9 @@ def joint(layout: Layout) -> tuple[Estimate, Layout]:
 
 
 def _reach(layout: Layout) -> tuple[Floats, Floats]:
-    """Return how far each kink may move: its gap, and one level on where the piece can spare it."""
-    edges = np.concatenate([[0], layout.cuts, [len(layout.z)]])
-    spare = np.diff(edges) > layout.degrees + 1
-    low = [layout.z[max(c - 1 - s, 0)] for c, s in zip(layout.cuts, spare[:-1], strict=True)]
-    high = [layout.z[min(c + s, len(layout.z) - 1)] for c, s in zip(layout.cuts, spare[1:], strict=True)]
-    return np.array(low), np.array(high)
+    """Return how far each kink may move: as far as the pieces beside it keep the levels that their degree needs."""
+    spare = (np.diff(np.concatenate([[0], layout.cuts, [len(layout.z)]])) - layout.degrees - 1) // 2
+    return layout.z[layout.cuts - 1 - spare[:-1]], layout.z[layout.cuts + spare[1:]]
 
 
 def _continued(layout: Layout, free: NDArray[np.intp], values: Floats, knots: Floats) -> tuple[Floats, Floats]:

@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whid.errors import WhidError
 from whid.quantity import Quantity, Table
 from whid.signal import Floats
 from whid.stages.periods import Harmonics
@@ -26,6 +25,8 @@ class HarmonicFloor(NamedTuple):
 
     def table(self) -> Table:
         """Return one row and the verdict."""
+        if not self.dof:
+            return Table("harmonic floor", ("orders", "χ²", "dof", "p", "worst"), (), ("no order to test",))
         row = (f"{self.orders[0]}-{self.orders[-1]}", round(self.statistic, 2), self.dof, float(f"{self.p:.3g}"), self.worst)
         verdict = "only noise: the sine stayed inside one polynomial piece"
         broken = "more than noise: the sine left its polynomial piece, or the degree is higher"
@@ -38,7 +39,7 @@ def harmonic_floor(harmonics: Harmonics, degree: int, significance: float = 0.01
     For order k, F = |value|²/(2·std²) ~ F(2, 2ν) with ν the spectral lines behind std, so p = (1 + F/ν)^−ν; the orders,
     each with an error of its own, are combined by Fisher's −2 Σ ln p ~ χ²(2m). Exact for any number of periods ≥ 3 in
     white noise, and in coloured noise whose spectrum is straight from one harmonic to the next. passed: p ≥ significance.
-    Raises `WhidError("stage-too-short")` with a single period, or when no order above the degree was measured.
+    With a single period, or no order above the degree, nothing is tested: p = 1.
     Source [Brouri2019], Remark 3.2.
 
     >>> from whid.stages.periods import harmonics
@@ -51,11 +52,11 @@ def harmonic_floor(harmonics: Harmonics, degree: int, significance: float = 0.01
 
     tested = harmonics.order > degree
     if not tested.any() or not harmonics.noise_lines:
-        raise WhidError("stage-too-short", f"no order above {degree} with a noise estimate: two periods or more are needed")
+        return HarmonicFloor(0.0, 0, 1.0, np.empty(0, np.intp), np.empty(0), 0, True)
     lines, orders = harmonics.noise_lines, harmonics.order[tested]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(harmonics.value[tested]) ** 2 / (2 * harmonics.value_std[tested] ** 2)
-    log_p = -lines * np.log1p(np.nan_to_num(ratio, nan=0.0, posinf=1e300) / lines)
+    rounding = 1e-12 * max(float(np.abs(harmonics.value).max()), 1e-300)  # noise-free data: what arithmetic leaves
+    ratio = np.abs(harmonics.value[tested]) ** 2 / (2 * harmonics.value_std[tested] ** 2 + rounding**2)
+    log_p = -lines * np.log1p(ratio / lines)
     statistic = float(-2 * log_p.sum())
     p = float(chdtrc(2 * len(orders), statistic))
     return HarmonicFloor(
