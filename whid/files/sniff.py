@@ -16,7 +16,8 @@ MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", 
 UNITS = frozenset((  # lower case
     "", "s", "ms", "us", "µs", "μs", "ns", "min", "h", "hz", "khz", "v", "mv", "kv", "a", "ma", "n", "mn", "kn",
     "nm", "m", "mm", "cm", "µm", "m/s", "mm/s", "m/s²", "m/s^2", "rad", "rad/s", "deg", "deg/s", "°", "°/s", "°c",
-    "k", "pa", "kpa", "bar", "mbar", "rpm", "1/min", "kg", "g", "w", "kw", "%", "-", "1", "l/s", "l/min", "m3/s", "m³/s", "t",
+    "k", "pa", "kpa",
+    "bar", "mbar", "rpm", "1/min", "kg", "g", "w", "kw", "%", "-", "1", "l/s", "l/min", "m3/s", "m³/s", "t",
 ))
 # fmt: on
 

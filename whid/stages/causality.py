@@ -40,18 +40,29 @@ def causality(u: Floats, y: Floats) -> Causality:
     >>> causality(u, y).verdict, causality(y, u).verdict
     ('as declared', 'swapped')
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     u, y = u[:LONGEST], y[:LONGEST]
     before_u, before_y = _precedes(u, y), _precedes(y, u)
-    p = float(chi2.sf(max(before_u, before_y), LAGS))
-    if p > SMALL or min(before_u, before_y) * DOMINANT > max(before_u, before_y):
+    p = float(chdtrc(LAGS, np.nan_to_num(max(before_u, before_y))))
+    clear = min(before_u, before_y) * DOMINANT <= max(before_u, before_y)  # false when one of them is NaN
+    if p > SMALL or not clear:
         return Causality(before_u, before_y, p, "cannot tell")
     return Causality(before_u, before_y, p, "swapped" if before_u > before_y else "as declared")
 
 
 def _precedes(x: Floats, other: Floats) -> float:
     """Return N Σ corr(e_x(n), other_f(n − k))², k = 1 … LAGS: large when the other column moves before x."""
+    whitened = whiten(x, other)
+    if whitened is None:
+        return float("nan")
+    e, z = whitened
+    e, z = (e - e.mean()) / e.std(), (z - z.mean()) / z.std()
+    return float(sum((e[k:] @ z[:-k] / len(e)) ** 2 for k in range(1, LAGS + 1)) * len(e))
+
+
+def whiten(x: Floats, other: Floats) -> tuple[Floats, Floats] | None:
+    """Return both columns filtered by the autoregression that turns x into innovations; None for a predictable x."""
     from scipy.linalg import solve_toeplitz
     from scipy.signal import lfilter
 
@@ -60,11 +71,8 @@ def _precedes(x: Floats, other: Floats) -> float:
     spectrum = np.abs(np.fft.rfft(x, 2 * n)) ** 2
     covariance = np.fft.irfft(spectrum)[: order + 1] / n
     covariance[0] *= 1 + 1e-10
-    if covariance[0] <= 0 or not np.isfinite(covariance).all():
-        return 0.0
+    if order == 0 or not (np.isfinite(covariance).all() and covariance[0] > 0):
+        return None
     whitening = np.append(1.0, -solve_toeplitz(covariance[:-1], covariance[1:]))
-    e, z = (lfilter(whitening, [1.0], column)[order:] for column in (x, other))
-    if e.var() <= PREDICTABLE * x.var() or z.std() == 0:
-        return 0.0
-    e, z = (e - e.mean()) / e.std(), (z - z.mean()) / z.std()
-    return float(sum((e[k:] @ z[:-k] / len(e)) ** 2 for k in range(1, LAGS + 1)) * len(e))
+    e, z = (np.asarray(lfilter(whitening, [1.0], column)[order:]) for column in (x, other))
+    return (e, z) if e.var() > PREDICTABLE * x.var() and z.std() > 0 else None
