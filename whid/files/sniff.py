@@ -38,12 +38,13 @@ class Shape(NamedTuple):
     """One way to read the lines: how many rows it explains, and how."""
 
     rows: int
+    numbers: int  # cells that are numbers, in a row
     cells: int
     first: int
 
 
 def sniff(lines: Sequence[str], delimiter: str | None = None, decimal: str | None = None, header_lines: int = 0) -> Dialect:
-    """Return the dialect that makes the most lines, then the most cells, numbers.
+    """Return the dialect that makes the most lines, then the most cells of a line, numbers.
 
     Raises `WhidError("data-unreadable")` when no line holds a number.
 
@@ -53,7 +54,7 @@ def sniff(lines: Sequence[str], delimiter: str | None = None, decimal: str | Non
     delimiters = [DELIMITERS[delimiter]] if delimiter else list(DELIMITERS.values())
     ways = [(d, mark) for d in delimiters for mark in ([decimal] if decimal else ".,") if d != mark]
     shapes = [(_shape(lines[header_lines:], *way), way) for way in ways]
-    best, (mark_between, mark) = max(shapes, key=lambda found: (found[0].rows, found[0].cells))
+    best, (mark_between, mark) = max(shapes, key=lambda found: (found[0].rows, found[0].numbers, -found[0].cells))
     if best.rows == 0:
         raise WhidError("data-unreadable", "no row of numbers in the first lines")
     first = header_lines + best.first
@@ -94,11 +95,11 @@ def _shape(lines: Sequence[str], delimiter: str, decimal: str) -> Shape:
     patterns = [_pattern(line, delimiter, decimal) for line in lines]
     counted = Counter(p for p in patterns if True in p)
     if not counted:
-        return Shape(0, 0, 0)
+        return Shape(0, 0, 0, 0)
     common = max(counted, key=lambda p: (counted[p], sum(x is True for x in p)))
     fits = [len(p) == len(common) and True in p and all(a is b or None in (a, b) for a, b in zip(p, common, strict=True))
             for p in patterns]  # fmt: skip
-    return Shape(sum(fits), len(common), fits.index(True))
+    return Shape(sum(fits), common.count(True), len(common), fits.index(True))
 
 
 def _pattern(line: str, delimiter: str, decimal: str) -> tuple[bool | None, ...]:

@@ -36,7 +36,7 @@ def causality(u: Floats, y: Floats) -> Causality:
     u, y (N,), any units.
 
     >>> u = np.random.default_rng(1).standard_normal(2000)
-    >>> y = np.convolve(u, 0.7 ** np.arange(20))[:2000]
+    >>> y = np.convolve(u, np.append(0.0, 0.7 ** np.arange(20)))[:2000]
     >>> causality(u, y).verdict, causality(y, u).verdict
     ('as declared', 'swapped')
     """

@@ -85,7 +85,7 @@ def intersample(u: Floats, y: Floats, declared: Assumption) -> Intersample:
 def _sharp(h: _Short) -> bool:
     """Tell whether lag 1 is known so well that the lag 0 of straight lines, a fourteenth of it or more, would show."""
     error = abs(h.next_size) / max(np.sqrt(h.next), 1e-300)
-    return abs(h.same_size) + 3 * error < abs(h.next_size) / 14
+    return bool(abs(h.same_size) + 3 * error < abs(h.next_size) / 14)
 
 
 def _short_lags(u: Floats, y: Floats) -> _Short | None:
