@@ -191,6 +191,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Use `solve: delay`, put dynamics into the loop, or remove the jump from it.",
         FAILED,
     ),
+    "sweep-missing": Explanation(
+        "`whid sweep` was given a study without a `sweep:` section.",
+        "Add `sweep: {over: {plant.noise.std: [0.1, 0.2]}, repeats: 10}`, or use `whid run`.",
+        CONFIG,
+    ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
         "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",

@@ -64,9 +64,16 @@ def run(
     if not force and (done := run_folder.finished(Path(out), stem)):
         return replace(load(done), reused=True)
     with RunFolder(Path(out), stem) as folder:
-        work = _Work(study, base, _Clock(folder.log, watch))
+        work = _Work(study, base, np.random.SeedSequence(study.seed), _Clock(folder.log, watch))
         work.attempt(work.obtain, work.identify, work.assess)
         return _kept(work.result(origin), folder, work.clock)
+
+
+def execute(study: Study, base: Path, seeds: np.random.SeedSequence) -> Result:
+    """Run a study in memory: no folder, no pictures, no tables (a sweep runs thousands)."""
+    work = _Work(study, base, seeds, _Clock(lambda line: None, None))
+    work.attempt(work.obtain, work.identify, work.assess)
+    return work.result({})
 
 
 def load(path: str | Path) -> Result:
@@ -100,6 +107,7 @@ class _Work:
 
     study: Study
     base: Path
+    seeds: np.random.SeedSequence
     clock: _Clock
     records: list[Record] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -109,9 +117,6 @@ class _Work:
     metrics: dict[str, float | Measured] = field(default_factory=dict)
     error: Failure | None = None
     doing: str = ""
-
-    def __post_init__(self) -> None:
-        self.seeds = np.random.SeedSequence(self.study.seed)
 
     def attempt(self, *steps: Callable[[], None]) -> None:
         """Do the steps; a fault ends the work, not what was finished."""
@@ -152,7 +157,9 @@ class _Work:
         try:
             while True:
                 found = stages.send(answer)
-                answer = self.serve(found) if isinstance(found, Wanted) else self.collect(found)
+                answer = self.serve(found) if isinstance(found, Wanted) else None
+                if not isinstance(found, Wanted):
+                    self.collect(found)
         except StopIteration:
             if "model" not in self.stages:
                 raise WhidError("method-failed", "the method yielded no model") from None
@@ -180,6 +187,8 @@ class _Work:
         model = self.stages["model"]
         self.residuals = tuple(residual(model.system.tree, record) for record in self.records)
         self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
+        for stage in self.stages.values():
+            self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
         self.clock.tick("score")
 
     def result(self, origin: Mapping[str, Any]) -> Result:

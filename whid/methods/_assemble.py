@@ -57,7 +57,7 @@ def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
 def from_rational(
     fit: Rational, static: StaticPart, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]
 ) -> Model:
-    """Return front, f, back: the linear blocks and the pieces under the sines from the joint fit, the rest of f as it was."""
+    """Return front, f, back: the linear blocks and the pieces under the sines from the joint fit, the rest as it was."""
     first = int(np.searchsorted(pieces.breaks, static.breaks[0])) if len(static.breaks) else _piece_of(pieces, static)
     renamed = {name: _tree_name(name, first, fit) for name in fit.estimate.names}
     seg = pieces.estimate

@@ -1,0 +1,100 @@
+"""A sweep's seeds, table, file and exit codes."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from whid.errors import WhidError
+from whid.sweep import key, sweep
+
+STUDY = """
+name: small
+seed: 1
+plant:
+  chain:
+    - {kind: linear, num: [1], den: [1, 1]}
+    - {kind: piecewise, breaks: [0.5], pieces: [[0], [0, 0, 1]]}
+    - {kind: linear, num: [1], den: [0.4, 1]}
+  noise: {kind: white, std: 0.05}
+experiment:
+  dt: 0.1
+  parts:
+    - {kind: staircase, from: -1, to: 3, step: 0.5, hold_s: 10}
+    - {kind: sine, offset: 2, amplitude: 0.8, samples_per_period: [100, 50], periods: 8}
+identify: {kind: wiener_hammerstein, orders: [1, 1]}
+sweep: {over: {plant.noise.std: [0.01, 0.05]}, repeats: 3}
+expect: [{metric: front.gain.error.max, below: 0.05}]
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_every_repeat_has_a_seed_of_its_own_and_the_engine_does_not_matter(config, tmp_path):
+    serial = sweep(config, tmp_path / "a")
+    with ThreadPoolExecutor(2) as pool:
+        pooled = sweep(config, tmp_path / "b", executor=pool)
+    for name, values in serial.values.items():
+        assert np.array_equal(values, pooled.values[name], equal_nan=True), name
+    errors = serial.values["front.gain.error.max"]
+    assert errors.shape == (2, 3)
+    assert len(np.unique(errors)) == 6
+    assert errors[1].mean() > errors[0].mean()
+
+
+def test_processes_agree_bit_for_bit(config, tmp_path):
+    serial, two = sweep(config, tmp_path / "a"), sweep(config, tmp_path / "b", jobs=2)
+    assert all(np.array_equal(serial.values[name], two.values[name], equal_nan=True) for name in serial.values)
+
+
+def test_a_grown_grid_keeps_the_old_cells(config, tmp_path):
+    small = sweep(config, tmp_path / "a")
+    grown = sweep(config, tmp_path / "b", ["sweep.over={plant.noise.std: [0.02, 0.05]}"])
+    name = "front.gain.error.max"
+    assert np.array_equal(small.values[name][1], grown.values[name][1])
+    assert key({"a": 1}, 0) != key({"a": 1}, 1)
+
+
+def test_file_and_table(config, tmp_path):
+    found = sweep(config, tmp_path)
+    with h5py.File(found.path / "sweep.h5") as file:
+        assert np.array_equal(file["metrics/front.gain.error.max"], found.values["front.gain.error.max"])
+        assert file["cells/plant.noise.std"][:].tolist() == [0.01, 0.05]
+        assert file["metrics/front.gain.error.max"].dims[1].keys() == ["repeat"]
+    row = found.table().rows[0]
+    values = found.values["front.gain.error.max"][0]
+    assert row[2].value == pytest.approx(values.mean())
+    assert row[3] == pytest.approx(values.std(ddof=1))
+    assert (found.path / "DONE").exists()
+
+
+def test_a_failing_cell_is_a_row_and_the_command_says_so(config, tmp_path):
+    from whid.cli import main
+
+    args = ["sweep", str(config), "--out", str(tmp_path), "--json", "--set"]
+    run = CliRunner().invoke(main, [*args, "sweep.over={experiment.parts.0.hold_s: [10, 0.2]}"])
+    assert run.exit_code == 3
+    report = json.loads(run.stdout)
+    assert report["failed"] == 3
+    assert "stage-too-short" in run.stderr
+    bad = CliRunner().invoke(main, [*args, "expect=[{metric: front.gain.error.max, below: 1e-9}]"])
+    assert bad.exit_code == 4
+    none = CliRunner().invoke(main, [*args, "expect=[{metric: nothing.of.the.sort, below: 1}]"])
+    assert none.exit_code == 5
+
+
+def test_a_fault_in_one_cell_is_told_before_anything_runs(config, tmp_path):
+    with pytest.raises(WhidError, match=r"plant.noise.std"):
+        sweep(config, tmp_path, ["sweep.over={plant.noise.std: [0.1, -1]}"])
+    with pytest.raises(WhidError, match="no `sweep:`"):
+        sweep({"name": "a", "data": {"file": "x.csv", "columns": {"input": "u", "output": "y"}, "dt": 1.0},
+               "identify": {"kind": "wiener_hammerstein"}}, tmp_path)  # fmt: skip
+    assert not any(tmp_path.glob("small-*"))
