@@ -27,7 +27,7 @@ class Feedback(Block):
 
     Between samples what comes back is held and everything else is exact; a loop of static blocks is solved between
     samples as well, its kinks met where they are. Without `back` the output itself comes back.
-    Cost: a loop with dynamics goes sample by sample, some 0.1 ms a sample and block, algebraic four times that; a loop of
+    Cost: a loop with dynamics goes sample by sample, some 0.3 ms a sample and block, algebraic four times that; a loop of
     static blocks is vectorised. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
 
     >>> from whid.blocks.polynomial import Polynomial
