@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -13,7 +14,8 @@ from whid.fit import Estimate, Parameter, least_squares, linear_least_squares
 from whid.signal import Floats
 
 
-class Layout(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Layout:
     """A way to cut M levels: `cuts[k]` is the first level right of border k; `knots[k]` is NaN at a jump."""
 
     z: Floats  # (M,) levels scaled to [−1, 1]
@@ -23,15 +25,24 @@ class Layout(NamedTuple):
     degrees: NDArray[np.intp]  # (S + 1,)
     knots: Floats  # (S,)
 
-    @property
+    @cached_property
     def jump(self) -> NDArray[np.bool_]:
         """Return which borders are jumps."""
         return np.isnan(self.knots)
 
-    @property
+    @cached_property
     def offsets(self) -> NDArray[np.intp]:
         """Return where each piece's coefficients start in the long vector, and its length."""
         return np.append(0, np.cumsum(self.degrees + 1))
+
+    def pair(self, k: int) -> Layout:
+        """Return border k with the two pieces beside it, a jump."""
+        start, cut, stop = np.concatenate([[0], self.cuts, [len(self.z)]])[k : k + 3]
+        part = slice(start, stop)
+        jump = np.array([np.nan])
+        return Layout(
+            self.z[part], self.mean[part], self.weight[part], np.array([cut - start]), self.degrees[k : k + 2], jump
+        )  # fmt: skip
 
     def design(self, knots: Floats) -> Floats:
         """Return (M, coefficients): each level in the piece it lies in, a kink moving levels across as it moves."""
@@ -40,48 +51,48 @@ class Layout(NamedTuple):
         matrix = np.zeros((len(self.z), self.offsets[-1]))
         for k, degree in enumerate(self.degrees):
             inside = piece == k
-            matrix[inside, self.offsets[k] : self.offsets[k + 1]] = poly.polyvander(self.z[inside], degree)
+            matrix[inside, self.offsets[k] : self.offsets[k + 1]] = _powers(self.z[inside], degree)
         return matrix
 
 
 def meet(layout: Layout, price: float) -> Layout:
-    """Decide every border: a kink where making its pieces meet, at the point where that costs least, costs χ² ≤ price.
+    """Decide every border: a kink where making its pieces meet, at the point where that costs least, costs χ² ≤ price."""
+    return replace(layout, knots=np.array([_meeting(layout.pair(k), price) for k in range(len(layout.cuts))]))
+
+
+def _meeting(pair: Layout, price: float) -> float:
+    """Return where two pieces meet, NaN where they do not.
 
     Pieces fitted apart that cross inside their gap meet for nothing. Those that cross beyond it have levels to hand
     over: one fit with the knot free tells the price. Those that do not cross at all differ by D(z) = right − left, and
     making them meet at z costs D²/var(D) exactly.
     """
-    free = linear_least_squares(layout.design(layout.knots), layout.mean, layout.weight)
-    low, high = _reach(layout)
-    knots = layout.knots.copy()
-    for k, cut in enumerate(layout.cuts):
-        left, middle, right = layout.offsets[k : k + 3]
-        gap = layout.z[cut - 1 : cut + 1]
-        apart = poly.polysub(free.values[middle:right], free.values[left:middle])
-        roots = poly.polyroots(apart)
-        roots = roots[np.abs(roots.imag) < 1e-9].real
-        roots = roots[(roots >= low[k]) & (roots <= high[k])]
-        if len(roots):
-            nearest = float(roots[np.argmin(np.abs(roots - gap.mean()))])
-            trial = np.full(len(knots), np.nan)
-            trial[k] = nearest
-            if gap[0] <= nearest <= gap[1]:
-                knots[k] = nearest
-            elif (met := joint(layout._replace(knots=trial), 10))[0].chi2 - free.chi2 <= price:
-                knots[k] = met[1].knots[k]
-        else:
-            where = np.linspace(gap[0], gap[1], 65)
-            rows = difference(where, middle - left, right - middle)
-            covariance = free.covariance[left:right, left:right]
-            cost = (rows @ free.values[left:right]) ** 2 / np.einsum("ij,jk,ik->i", rows, covariance, rows)
-            if cost.min() <= price:
-                knots[k] = where[np.argmin(cost)]
-    return layout._replace(knots=knots)
+    free = linear_least_squares(pair.design(pair.knots), pair.mean, pair.weight)
+    low, high = _reach(pair)
+    left, right = (int(degree) + 1 for degree in pair.degrees)
+    gap = pair.z[pair.cuts[0] - 1 : pair.cuts[0] + 1]
+    roots = poly.polyroots(poly.polysub(free.values[left:], free.values[:left]))
+    roots = roots[np.abs(roots.imag) < 1e-9].real
+    roots = roots[(roots >= low) & (roots <= high)]
+    if len(roots):
+        nearest = float(roots[np.argmin(np.abs(roots - gap.mean()))])
+        if gap[0] <= nearest <= gap[1]:
+            return nearest
+        fit, met = joint(replace(pair, knots=np.array([nearest])), 10)
+        return float(met.knots[0]) if fit.chi2 - free.chi2 <= price else float("nan")
+    where = np.linspace(gap[0], gap[1], 65)
+    rows = difference(where, left, right)
+    cost = (rows @ free.values) ** 2 / np.einsum("ij,jk,ik->i", rows, free.covariance, rows)
+    return float(where[np.argmin(cost)]) if cost.min() <= price else float("nan")
 
 
 def difference(z: Floats, left: int, right: int) -> Floats:
     """Return rows that give right − left at z from the coefficients of two neighbouring pieces."""
-    return np.hstack([-poly.polyvander(z, left - 1), poly.polyvander(z, right - 1)])
+    return np.hstack([-_powers(z, left - 1), _powers(z, right - 1)])
+
+
+def _powers(z: Floats, degree: int) -> Floats:
+    return np.asarray(z[:, None] ** np.arange(degree + 1))
 
 
 def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
@@ -112,7 +123,7 @@ def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
     cuts[kinks] = np.searchsorted(layout.z, knots[kinks], side="right").clip(1, len(layout.z) - 1)
     coefficients, change = _continued(layout, free, found.values[: len(free)], knots)
     covariance = change @ found.covariance @ change.T
-    done = layout._replace(cuts=cuts, knots=knots)
+    done = replace(layout, cuts=cuts, knots=knots)
     return found._replace(
         values=np.append(knots, coefficients), covariance=_with_breaks(done, found, change, covariance)
     ), done
