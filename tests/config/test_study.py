@@ -57,7 +57,7 @@ def test_bounds_and_sweeps():
 
 def test_memory_grows_with_the_samples():
     assert memory(load_study(SIMULATED)) == START + 1000 * SAMPLE
-    assert memory(load_study(SIMULATED, ["experiment.parts[0].hold_s=1e9"])) > 1e12
+    assert memory(load_study(SIMULATED, ["experiment.parts[0].hold_s=1e9"])) > 1e10 * SAMPLE
 
 
 def test_memory_of_what_cannot_be_counted_is_more_than_any():
@@ -74,7 +74,7 @@ def test_memory_of_a_data_file(tmp_path):
 
 def test_a_study_beyond_its_memory_is_refused_with_the_figure():
     study = load_study(SIMULATED, ["experiment.parts[0].hold_s=1e7"])
-    with pytest.raises(WhidError, match=r"needs about 18\.\d GB, 4 GB are allowed") as caught:
+    with pytest.raises(WhidError, match=r"needs about 9\.2 GB, 4 GB are allowed") as caught:
         allow(study, size("4GB"))
     assert caught.value.code == "memory"
     allow(study, size("20GB"))

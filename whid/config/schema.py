@@ -9,6 +9,7 @@ allowed are known.
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import sys
 from collections.abc import Callable
 from functools import lru_cache
@@ -51,19 +52,26 @@ def json_schema(cls: type = Study) -> dict[str, Any]:
     """Return the JSON Schema of a study, or of a part of one, for editors."""
     from pydantic.json_schema import GenerateJsonSchema
 
-    found: dict[str, Any] = _tidied(GenerateJsonSchema().generate(_Builder().whole(cls)))
-    return {"$schema": GenerateJsonSchema.schema_dialect, "title": f"whid {cls.__name__}"} | found
+    class Generate(GenerateJsonSchema):
+        """Describes a mapping by its class' docstring up to the first doctest."""
+
+        def typed_dict_schema(self, schema: core_schema.TypedDictSchema) -> dict[str, Any]:
+            text = inspect.cleandoc(schema.get("cls", cls).__doc__ or "").partition(">>>")[0].rstrip()
+            return super().typed_dict_schema(schema) | {"additionalProperties": False, "description": text}
+
+    found: dict[str, Any] = _tidied(Generate().generate(_Builder().whole(cls)))
+    return {"$schema": Generate.schema_dialect, "title": f"whid {cls.__name__}"} | found
 
 
 def _tidied(node: Any) -> Any:
-    """Return the JSON Schema without unions of one, titles that repeat their key, and doctests."""
+    """Return the JSON Schema without unions of one, enums of one, and titles that repeat their key."""
     if isinstance(node, list):
         return [_tidied(item) for item in node]
     if not isinstance(node, dict):
         return node
     node = {key: _tidied(item) for key, item in node.items() if key != "title" or not isinstance(item, str)}
-    if isinstance(text := node.get("description"), str):
-        node["description"] = text.partition(">>>")[0].rstrip()
+    if "const" in node:
+        node.pop("enum", None)  # older pydantic writes both
     if len(node.get("oneOf", ())) == 1:
         (only,) = node.pop("oneOf")
         return only | node

@@ -42,6 +42,23 @@ class Bound:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PublishedRow:
+    """One number of a published table: the metric of ours that it compares with, the value printed as true, the estimate."""
+
+    metric: Annotated[str, MinLen(1)]
+    true: float | None = None
+    estimate: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Published:
+    """A published table, to print beside ours: {metric: front.gain@0.02, true: 0.97, estimate: 0.98} a row."""
+
+    table: Annotated[str, MinLen(1)]
+    rows: Annotated[tuple[PublishedRow, ...], MinLen(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sweep:
     """`over:` maps paths, written as for `--set`, to lists of values; every cell runs `repeats` times.
 
@@ -70,6 +87,7 @@ class Study:
     identify   the method
     expect     bounds on metrics; a breach ends the run with exit code 4
     sweep      what `whid sweep` varies
+    published  a table from the literature, printed beside ours
     """
 
     name: Annotated[str, NAME]
@@ -82,6 +100,7 @@ class Study:
     identify: Method
     expect: tuple[Bound, ...] = ()
     sweep: Sweep | None = None
+    published: Published | None = None
 
     def __post_init__(self) -> None:
         given = [key for key in ("plant", "data", "records") if getattr(self, key)]
