@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 from whid import plots, score, summary
 from whid.config.load import as_system, load_study, resolved
 from whid.config.memory import memory
-from whid.config.study import Study
+from whid.config.study import Published, Study
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files import run_folder
@@ -36,6 +36,7 @@ from whid.residual import residual
 from whid.result import Asked, Check, Failure, Result, snake_case
 from whid.signal import Floats
 from whid.simulate import simulate
+from whid.stages.intersample import intersample
 
 Watch = Callable[[str, float], None]  # a finished step and its seconds
 
@@ -115,6 +116,7 @@ class _Work:
     asked: list[Asked] = field(default_factory=list)
     residuals: tuple[Floats, ...] = ()
     metrics: dict[str, float | Measured] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
     error: Failure | None = None
     doing: str = ""
 
@@ -190,6 +192,7 @@ class _Work:
         for stage in self.stages.values():
             self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
         self.clock.tick("score")
+        self.warnings += _doubts([_open(record) for record in self.records])
 
     def result(self, origin: Mapping[str, Any]) -> Result:
         """Return what there is, its bounds checked."""
@@ -199,7 +202,8 @@ class _Work:
             name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
             residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
             checks=tuple(Check(b.metric, _value(self.metrics.get(b.metric)), b.below, b.above) for b in self.study.expect),
-            provenance={**origin, **facts, "notes": tuple(self.notes)},
+            published=self.study.published and _published(self.study.published),
+            warnings=tuple(self.warnings), provenance={**origin, **facts, "notes": tuple(self.notes)},
         )  # fmt: skip
 
 
@@ -219,6 +223,10 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
     return replace(result, path=folder.keep("" if result.error else result.provenance["hash"]))
 
 
+def _published(table: Published) -> tuple[str, tuple[tuple[str, float | None, float | None], ...]]:
+    return table.table, tuple((row.metric, row.truth, row.estimate) for row in table.rows)
+
+
 def _refuse_beyond(allowed: float, needed: float) -> None:
     if needed > allowed:
         raise WhidError("memory", f"this study needs about {needed / 1e9:.2g} GB, {allowed / 1e9:.2g} GB are allowed")
@@ -227,6 +235,20 @@ def _refuse_beyond(allowed: float, needed: float) -> None:
 def _open(record: Record) -> Record:
     """Return what a method may see of a record: no output of a report part."""
     return record.without("report") if record.using("report").any() else record
+
+
+def _doubts(records: Sequence[Record]) -> Iterator[str]:
+    """Yield a warning for every record whose input seems to do something else between samples than is declared."""
+    for record in records:
+        known = np.flatnonzero(np.diff(np.isfinite(record.y), prepend=False, append=False)).reshape(-1, 2)
+        if len(known):
+            longest = slice(*known[np.argmax(np.diff(known, axis=1))])
+            found = intersample(record.u[longest], record.y[longest], record.intersample)
+            if found.verdict == "does not fit":
+                yield (
+                    f"record {record.name}: `intersample: {found.declared}` does not fit (p = {found.p:.1g}): {found.reason}; "
+                    f"try `intersample: {found.alternative}`"
+                )
 
 
 def _value(metric: float | Measured | None) -> float | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from whid.blocks.linear import Linear
 from whid.kinds import plain
 from whid.quantity import Cell, Measured, Table
 from whid.record import Record
@@ -35,18 +36,41 @@ def page(result: Result) -> str:
 def _all(result: Result) -> Iterator[Table]:
     yield _study(result)
     for name, stage in result.stages.items():
-        if hasattr(stage, "table"):
-            table = stage.table()
-            number = re.search(r"_(\d+)$", name)
-            yield table._replace(title=f"{table.title} {number[1]}") if number else table
+        if hasattr(stage, "table") and not re.search(r"_\d+$", name):
+            yield _together([each.table() for each in result.every(name)])
     if "model" in result.stages:
         yield _model(result)
     yield _fit(result)
     yield _metrics(result)
+    yield _published(result)
     yield _asked(result)
     yield _expected(result)
     if result.warnings:
         yield Table("Warnings", ("warning",), tuple((text,) for text in result.warnings))
+
+
+def _together(tables: list[Table]) -> Table:
+    """Return the tables of a stage's repetitions as one, numbered where they are several."""
+    if len(tables) == 1:
+        return tables[0]
+    rows = tuple((number, *row) for number, table in enumerate(tables, 1) for row in table.rows)
+    notes = [note for table in tables for note in table.notes]
+    numbered = [f"{n}: {note}" for n, table in enumerate(tables, 1) for note in table.notes]
+    return Table(tables[0].title, ("no.", *tables[0].columns), rows, tuple(numbered if len(set(notes)) > 1 else notes[:1]))
+
+
+def _published(result: Result) -> Table:
+    """Return a published table beside ours: both as printed, step by step as in the paper, and the efficient estimate."""
+    if result.published is None:
+        return Table("", (), ())
+    title, printed = result.published
+    rows = tuple(
+        (metric, truth, estimate, result.metrics.get(f"stepwise.{metric}"), result.metrics.get(metric, "not observed"))
+        for metric, truth, estimate in printed
+    )
+    columns = ("quantity", "published truth", "published estimate", "ours, as in the paper", "ours, joint")
+    report = result.stages.get("identifiability")
+    return Table(f"{title}, published and ours", columns, rows, tuple(getattr(report, "not_measured", ())))
 
 
 def _study(result: Result) -> Table:
@@ -107,14 +131,17 @@ def _true_values(result: Result, names: tuple[str, ...]) -> dict[str, float | No
     found: dict[str, float | None] = {}
     for place, (true, model) in enumerate(zip(result.truth.chain, result.model.system.chain, strict=True)):
         values = _values(true)
-        if hasattr(model, "gain_at"):
-            gains = [complex(block.gain_at(np.zeros(1))[0]) for block in (true, model)]
-            if not np.isclose(*gains, rtol=1e-6):
+        if isinstance(true, Linear) and isinstance(model, Linear):
+            if abs(_static_gain(true) / _static_gain(model) - 1) > 1e-6:
                 return {}
             values = _scaled_alike(values, _values(model))
         alike = values.keys() == _values(model).keys()
         found |= {f"chain.{place}.{name}": value for name, value in values.items()} if alike else {}
     return {name: found.get(name) for name in names} if found else {}
+
+
+def _static_gain(block: Linear) -> complex:
+    return complex(block.gain_at(np.zeros(1))[0])
 
 
 def _values(block: Any) -> dict[str, float]:

@@ -43,16 +43,16 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedRow:
-    """One number of a published table: the metric of ours that it compares with, the value printed as true, the estimate."""
+    """One number of a published table: the metric of ours that it compares with, the printed truth and estimate."""
 
     metric: Annotated[str, MinLen(1)]
-    true: float | None = None
+    truth: float | None = None
     estimate: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """A published table, to print beside ours: {metric: front.gain@0.02, true: 0.97, estimate: 0.98} a row."""
+    """A published table, to print beside ours: {metric: front.gain@0.02, truth: 0.97, estimate: 0.98} a row."""
 
     table: Annotated[str, MinLen(1)]
     rows: Annotated[tuple[PublishedRow, ...], MinLen(1)]

@@ -44,12 +44,13 @@ class Stepwise(NamedTuple):
 
     def metrics(self) -> dict[str, Measured]:
         """Return every gain by name, `stepwise.front.gain@0.02`."""
-        found = {}
+        found: dict[str, Measured] = {}
         for e, w in enumerate(self.omega):
             found[f"stepwise.front.gain@{w:.6g}"] = Measured(float(self.front_gain[e]), float(self.front_gain_std[e]))
-            for k, g, s in zip(self.order, self.back_gain[e], self.back_gain_std[e], strict=True):
-                if np.isfinite(g):
-                    found[f"stepwise.back.gain@{k * w:.6g}({k}·{w:.6g})"] = Measured(float(g), float(s))
+        for k, (column, errors) in enumerate(zip(self.back_gain.T, self.back_gain_std.T, strict=True), 1):
+            for w, g, s in zip(self.omega, column, errors, strict=True):
+                if np.isfinite(g):  # where two sines reach one frequency, the lower harmonic is the better estimate
+                    found.setdefault(f"stepwise.back.gain@{k * w:.6g}", Measured(float(g), float(s)))
         return found
 
 
