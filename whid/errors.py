@@ -137,6 +137,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Exchange `input:` and `output:` under `columns:`; for an inverse model say `causal: false`.",
         CONFIG,
     ),
+    "data-picture": Explanation(
+        "The picture of a record cannot be written.",
+        "Give a place that exists and may be written to with `--out`.",
+        FAILED,
+    ),
     "data-parts": Explanation(
         "A declared part does not fit into its record.",
         "Give `start:` and `stop:` in samples after all operations, half-open, or `parts: auto`.",

@@ -45,14 +45,19 @@ def ingest(source: DataSource, base: Path) -> Ingested:
 
     Raises `WhidError` with a code `data-…`, the file and, where there is one, the row.
     """
-    path = locate(source.file, base)
-    table = open_table(path, delimiter=source.delimiter, decimal=source.decimal, header_lines=source.header_lines)
+    path, table = locate(source.file, base), opened(source, base)
     try:
         record, notes = _record(source, table, path)
     except WhidError as fault:
         raise fault if fault.where else WhidError(fault.code, fault.message, path.name) from fault
     with path.open("rb") as file:
         return Ingested(record, notes, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def opened(source: DataSource, base: Path) -> Table:
+    """Return the table of a source's file."""
+    path = locate(source.file, base)
+    return open_table(path, delimiter=source.delimiter, decimal=source.decimal, header_lines=source.header_lines)
 
 
 def _record(source: DataSource, table: Table, path: Path) -> tuple[Record, tuple[str, ...]]:
