@@ -17,9 +17,12 @@ import pytest
 
 from tests.small_study import EXPERIMENT, PLANT, SmallStudy, bound, small_study
 from whid import flow, plots
+from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.files.source import DataSource
+from whid.record import Record
 from whid.result import Check
+from whid.signal import held
 
 DRAW = plots.draw
 
@@ -212,6 +215,20 @@ def test_a_picture_that_fails_costs_a_warning_only(tmp_path, monkeypatch):
     assert any("no ink" in warning for warning in result.warnings)
     assert "no ink" in (result.path / "summary.md").read_text()
     assert set(result.pictures) < files(result.path)
+
+
+def test_a_wrong_intersample_is_warned_of_by_name():
+    rng = np.random.default_rng(11)
+    u = rng.standard_normal(4000)
+    lag = Linear(num=(1.0,), den=(0.3, 1.0))
+    y = lag.step(held(u, 0.1, "foh", 0.0, lag.panel_order(0.1)))[0].values + 0.01 * rng.standard_normal(4000)
+    y[:7] = np.nan  # a masked stretch is left out
+    wrong, right = (Record(u=u, y=y, dt=0.1, intersample=between, name="bench") for between in ("zoh", "foh"))
+    (warning,) = flow._doubts([wrong])
+    assert "bench" in warning
+    assert "`intersample: zoh` does not fit" in warning
+    assert "`intersample: foh`" in warning
+    assert list(flow._doubts([right])) == []
 
 
 SLOW = """

@@ -202,7 +202,7 @@ class _Work:
             name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
             residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
             checks=tuple(Check(b.metric, _value(self.metrics.get(b.metric)), b.below, b.above) for b in self.study.expect),
-            published=self.study.published and _published(self.study.published),
+            published=_published(self.study.published) if self.study.published else None,
             warnings=tuple(self.warnings), provenance={**origin, **facts, "notes": tuple(self.notes)},
         )  # fmt: skip
 
@@ -245,10 +245,8 @@ def _doubts(records: Sequence[Record]) -> Iterator[str]:
             longest = slice(*known[np.argmax(np.diff(known, axis=1))])
             found = intersample(record.u[longest], record.y[longest], record.intersample)
             if found.verdict == "does not fit":
-                yield (
-                    f"record {record.name}: `intersample: {found.declared}` does not fit (p = {found.p:.1g}): {found.reason}; "
-                    f"try `intersample: {found.alternative}`"
-                )
+                misfit = f"record {record.name}: `intersample: {found.declared}` does not fit (p = {found.p:.1g})"
+                yield f"{misfit}: {found.reason}; try `intersample: {found.alternative}`"
 
 
 def _value(metric: float | Measured | None) -> float | None:

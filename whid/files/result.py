@@ -26,6 +26,7 @@ from whid.signal import Floats
 from whid.system import System
 
 BLOCK = 1 << 18  # samples written at a time
+WORDS = ("name", "intersample", "initial", "use")  # of a record
 Tree = Callable[[Any], System]
 
 
@@ -97,8 +98,7 @@ def _write_record(group: h5py.Group, record: Record, residual: Floats | None) ->
             array(group, name, values, record.units.get(unit, "1")).dims[0].attach_scale(group["time"])
     for name in ("dt", "t0"):
         array(group, name, getattr(record, name), "s")
-    for name in ("name", "intersample", "initial"):
-        group.attrs[name] = getattr(record, name)
+    group.attrs.update({name: getattr(record, name) for name in WORDS})
     group.attrs["title"] = f"record {record.name}"
     array(group, "parts", json.dumps([plain(part) for part in record.parts]), "")
     group.attrs.update({"NX_class": "NXdata", "signal": "y", "auxiliary_signals": ["u"], "axes": ["time"]})
@@ -124,10 +124,8 @@ def _record(group: h5py.Group) -> tuple[Record, Floats | None]:
         t0=float(group["t0"][()]),
         valid=group["valid"][()].astype(bool) if "valid" in group else None,
         units={"input": group["u"].attrs["units"], "output": group["y"].attrs["units"]},
-        intersample=group.attrs["intersample"],
-        initial=group.attrs["initial"],
         parts=parts,
-        name=group.attrs["name"],
+        **{name: group.attrs[name] for name in WORDS},
     )
     return record, group["residual"][()] if "residual" in group else None
 

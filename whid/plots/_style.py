@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 MEASURED, MODEL, TRUTH, OTHER, QUIET = "black", "#0072B2", "#D55E00", "#009E73", "#8a8a8a"  # Okabe and Ito
 GAP = "#F0E442"
-SETTINGS = {
+SETTINGS: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
@@ -47,14 +47,24 @@ COLUMNS = 1500  # of a picture: a longer record is drawn by its lowest and highe
 def save(draw: Callable[[Any, Figure], None], run: Any, path: Path) -> None:
     """Draw into a new figure in the house style and write it as PNG."""
     with matplotlib.rc_context(SETTINGS):
-        figure = Figure(figsize=(7.4, 4.8), layout="constrained")
+        figure = Figure(figsize=(7.4, 4.8))
         FigureCanvasAgg(figure)
         draw(run, figure)
-        layout = figure.get_layout_engine()
-        if layout is not None:
-            layout.execute(figure)
-            figure.set_layout_engine("none")  # laid out once: savefig would draw twice
         figure.savefig(path, dpi=DPI)
+
+
+def spaced(figure: Figure, rows: int, columns: int, between: tuple[float, float] = (0.8, 0.15), top: float = 0.35) -> None:
+    """Set margins and gaps in inches; matplotlib's own layouts look nicer by a hair and take as long as the picture."""
+    width, height = figure.get_size_inches()
+    left, right, bottom = 0.85, 0.15, 0.55
+    across, down = between
+    wide = (width - left - right - (columns - 1) * across) / columns
+    high = (height - bottom - top - (rows - 1) * down) / rows
+    figure.subplots_adjust(
+        left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=across / wide, hspace=down / high
+    )
+    for axes in figure.axes:  # names of axes stand in line
+        axes.yaxis.set_label_coords(-0.62 / axes.bbox.width * figure.dpi, 0.5)
 
 
 def label(what: str, unit: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MEASURED, MODEL, TRUTH, Floats, log_ticks
+from whid.plots._style import MEASURED, MODEL, TRUTH, Floats, log_ticks, spaced
 from whid.plots._system import gain, gain_and_band, linear_blocks
 
 NEEDS = ("model",)
@@ -22,15 +22,16 @@ def draw(run: Any, figure: Figure) -> None:
     if not sides:
         figure.text(0.5, 0.5, "the model has no linear block", ha="center")
         return
-    figure.set_size_inches(4.0 * max(len(sides), 1.5), 6.6)
+    figure.set_size_inches(0.6 + 3.7 * max(len(sides), 1.5), 6.8)
     axes = figure.subplots(4, len(sides), sharex="col", squeeze=False, height_ratios=(2.2, 1, 2.2, 1))
     for column, side in zip(axes.T, sides, strict=True):
         _side(column, run, side)
         column[0].set_title(f"{side.capitalize()} block")
         column[-1].set_xlabel("frequency, rad/s")
-    for ax, text in zip(axes[:, 0], ("gain / static gain", "− model, %", "phase, degrees", "− model, degrees"), strict=True):
+    for ax, text in zip(axes[:, 0], ("gain / static gain", "Δ gain, %", "phase, °", "Δ phase, °"), strict=True):
         ax.set_ylabel(text)
     axes[0, 0].legend(loc="lower left")
+    spaced(figure, 4, len(sides), (0.65, 0.12))
 
 
 def _side(axes: Any, run: Any, side: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, log_ticks, note
+from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, log_ticks, note, spaced
 
 NEEDS = ("residuals",)
 USES = {"estimation": MODEL, "selection": "#009E73", "report": TRUTH}
@@ -25,6 +25,7 @@ def draw(run: Any, figure: Figure) -> None:
         _spectra(right, record, residual)
     axes[-1, 0].set_xlabel("time, s")
     axes[-1, 1].set_xlabel("frequency, rad/s")
+    spaced(figure, len(shown), 2, (0.85, 0.6))
 
 
 def _course(axes: Axes, record: Any, residual: Floats) -> None:

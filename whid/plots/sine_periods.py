@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MEASURED, MODEL, QUIET, Floats, label
+from whid.plots._style import MEASURED, MODEL, QUIET, Floats, label, spaced
 
 NEEDS = ("residuals", "sine")
-MOST = 6  # sines in one picture
+MOST = 8  # sines in one picture
 
 
 class Fold(NamedTuple):
@@ -29,8 +29,9 @@ def draw(run: Any, figure: Figure) -> None:
     """Draw a column a sine: output and model above, their difference below."""
     folds = list(_folds(run))
     shown = folds[:MOST]
-    rows, columns = -(-len(shown) // 3), min(len(shown), 3)
-    figure.set_size_inches(max(2.7 * columns, 4.5), 3.9 * rows)
+    columns = min(len(shown), 4 if len(shown) in (4, 7, 8) else 3)
+    rows = -(-len(shown) // columns)
+    figure.set_size_inches(max(0.8 + 2.6 * columns, 4.5), 0.6 + 3.6 * rows)
     axes = figure.subplots(2 * rows, columns, sharex=True, squeeze=False, height_ratios=(2.4, 1) * rows)
     units = run.records[0].units
     for k, fold in enumerate(shown):
@@ -41,11 +42,14 @@ def draw(run: Any, figure: Figure) -> None:
     for row in range(rows):
         axes[2 * row, 0].set_ylabel(label("output", units["output"]))
         axes[2 * row + 1, 0].set_ylabel(label("output − model", units["output"]))
-    for ax in axes[-1]:
-        ax.set_xlabel("time / period")
+    for column in range(min(columns, len(shown))):
+        lowest = 2 * ((len(shown) - 1 - column) // columns) + 1
+        axes[lowest, column].set_xlabel("time / period")
+        axes[lowest, column].tick_params(labelbottom=True)
     shown_of = f"the first {MOST} of {len(folds)} sines" if len(folds) > MOST else None
     curves, noise = (ax.get_legend_handles_labels() for ax in axes[:2, 0])
-    figure.legend(curves[0] + noise[0], curves[1] + noise[1], loc="outside upper center", ncols=3, title=shown_of)
+    figure.legend(curves[0] + noise[0], curves[1] + noise[1], loc="upper center", ncols=3, title=shown_of)
+    spaced(figure, 2 * rows, columns, (0.6, 0.3), 0.75 if shown_of else 0.6)
 
 
 def _one(upper: Axes, lower: Axes, fold: Fold) -> None:
@@ -66,8 +70,9 @@ def _folds(run: Any) -> Iterator[Fold]:
             if part.kind == "sine" and part.start is not None:
                 start = part.start + round(part.lead_periods * part.period)
                 y, e = record.y[start : part.stop], residual[start : part.stop]
+                use = "" if part.use == "estimation" else f" ({part.use})"
                 if np.isfinite(e).any():
-                    yield _fold(y, e, part.period, f"ω = {part.radians(record.dt):.3g} rad/s at {part.offset:g}")
+                    yield _fold(y, e, part.period, f"ω = {part.radians(record.dt):.3g} rad/s at {part.offset:g}" + use)
 
 
 def _fold(y: Floats, residual: Floats, period: float, title: str) -> Fold:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import GAP, MEASURED, MODEL, OTHER, TRUTH, Floats, label
+from whid.plots._style import GAP, MEASURED, MODEL, OTHER, TRUTH, Floats, label, spaced
 from whid.plots._system import jump_levels, steady_curve
 
 NEEDS = ("static_curve",)
@@ -38,6 +38,7 @@ def draw(run: Any, figure: Figure) -> None:
     below.set_ylabel(label("level − curve", units["output"]))
     below.set_xlabel(label("input level", units["input"]))
     above.legend(loc="best")
+    spaced(figure, 2, 1)
 
 
 def _levels(axes: Axes, curve: Any, base: Floats, aside: float) -> None:
