@@ -131,7 +131,8 @@ def complete(time: Floats, u: Floats, y: Floats, missing: str, hold: bool, where
         raise WhidError(
             "data-missing", f"the {column} is missing here and at {int(refused.sum()) - 1} more samples", where(first)
         )
-    counts = f"{int((~has_u).sum())} inputs and {int((~has_y).sum())} outputs of {len(u)} are missing"
+    found = ((int((~has_u).sum()), "inputs"), (int((~has_y).sum()), "outputs"))
+    counts = " and ".join(f"{count} {what}" for count, what in found if count) + f" of {len(u)} missing"
     valid = has_y if missing == "mask" else np.ones(len(u), bool)
     done = "outputs masked" if missing == "mask" else "interpolated"
     return Series(time, held if hold else joined, filled(y, has_y, hold=False), valid), (f"{counts}: {done}",)

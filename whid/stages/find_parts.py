@@ -87,9 +87,11 @@ def _values(u: Floats, piece: Stretch | Found, n: Floats) -> Floats:
 
 
 def _uneven(left: Stretch | Found, right: Stretch | Found, border: int) -> float:
-    """Return by how many samples the sines on both sides miss whole periods."""
-    spans = [(left, border - left.start), (right, right.stop - border)]
-    return sum(abs(n - piece.period * round(n / piece.period)) for piece, n in spans if isinstance(piece, Found))
+    """Return by how many samples the sines on both sides miss whole periods; borders are settled from the left."""
+    spans = [(left, border - left.start, 1.0), (right, right.stop - border, 0.1)]
+    return sum(
+        weight * abs(n - piece.period * round(n / piece.period)) for piece, n, weight in spans if isinstance(piece, Found)
+    )
 
 
 def _moved(u: Floats, piece: Stretch | Found, start: int, stop: int) -> Stretch | Found:
