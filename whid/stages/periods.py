@@ -14,6 +14,8 @@ from whid.signal import Floats
 
 Complexes = NDArray[np.complex128]
 
+_BLOCK = 16384  # samples of a regression held as rows at a time
+
 
 class PeriodAverage(NamedTuple):
     """Period average: one period of the output, averaged over periods."""
@@ -126,8 +128,7 @@ def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20) -> Harmo
         value = spectrum[: count * periods + 1 : periods] * 2 / len(window)
         value[0] /= 2
     else:
-        angle = np.arange(first, stop, dtype=np.float64) * (2 * np.pi / period)
-        value, residual = _regression(window, valid, angle, count)
+        value, residual = _regression(window, valid, first, 2 * np.pi / period, count)
         spectrum = np.fft.rfft(residual)
     samples = int(valid.sum())
     std, lines, noise = _side_lines(np.abs(spectrum) ** 2, periods, count, samples)
@@ -151,7 +152,7 @@ def fit_sine(u: Floats, period_guess: float) -> SineFit:
     n = seen - start  # from the middle: phase and period are then nearly independent
     trial = 2 * np.pi * (1 / period_guess + np.linspace(-2, 2, 33) / len(u))
     trial = trial[trial > np.pi / len(u)]
-    power = np.abs(np.exp(-1j * np.outer(trial, n)) @ (data - data.mean()))
+    power = [abs(np.exp(-1j * w * n) @ (data - data.mean())) for w in trial]
     omega = float(trial[np.argmax(power)])
     linear = linear_least_squares(_sine_design(n, omega), data)
     parameters = [Parameter(name, float(x)) for name, x in zip(("offset", "re", "im"), linear.values, strict=True)]
@@ -196,15 +197,28 @@ def _window(samples: int, period: float, skip: int) -> tuple[int, int, int]:
     return first, min(samples, first + round(periods * period)), periods
 
 
-def _regression(window: Floats, valid: NDArray[np.bool_], angle: Floats, count: int) -> tuple[Complexes, Floats]:
-    """Return the harmonics by least squares on the valid samples, and the residual, 0 where missing."""
-    turn = np.exp(1j * angle[valid])
-    powers = np.cumprod(np.broadcast_to(turn[:, None], (len(turn), count)), axis=1)
-    design = np.column_stack([np.ones(len(turn)), powers.real, -powers.imag])
-    fitted = linear_least_squares(design, window[valid]).values
-    residual = np.zeros(len(window))
-    residual[valid] = window[valid] - design @ fitted
+def _regression(window: Floats, valid: NDArray[np.bool_], first: int, omega: float, count: int) -> tuple[Complexes, Floats]:
+    """Return the harmonics by least squares on the valid samples, and the residual, 0 where missing.
+
+    Rows are reduced to a triangle block by block, so that a long record needs no matrix of its length.
+    """
+    blocks = [slice(k, min(k + _BLOCK, len(window))) for k in range(0, len(window), _BLOCK)]
+    triangle = np.empty((0, 2 * count + 2))
+    for rows in blocks:
+        known = np.column_stack([_fourier(rows, first, omega, count), window[rows]])[valid[rows]]
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, known]), mode="r"))
+    fitted = linear_least_squares(triangle[:, :-1], triangle[:, -1]).values
+    residual = np.empty(len(window))
+    for rows in blocks:
+        residual[rows] = np.where(valid[rows], window[rows] - _fourier(rows, first, omega, count) @ fitted, 0.0)
     return np.append(fitted[0], fitted[1 : count + 1] + 1j * fitted[count + 1 :]), residual
+
+
+def _fourier(rows: slice, first: int, omega: float, count: int) -> Floats:
+    """Return columns 1, cos kωn, −sin kωn, so that their factors are Re and Im of the harmonics."""
+    turn = np.exp(1j * omega * np.arange(first + rows.start, first + rows.stop))
+    powers = np.cumprod(np.broadcast_to(turn[:, None], (len(turn), count)), axis=1)
+    return np.column_stack([np.ones(len(turn)), powers.real, -powers.imag])
 
 
 def _side_lines(power: Floats, periods: int, count: int, samples: int) -> tuple[Floats, int, float]:
