@@ -32,6 +32,7 @@ from whid.system import System
 POLES = System(chain=(Linear(zeros=(), poles=(-1 + 2j, -1 - 2j)),))
 SINE = Sine(offset=1.0, amplitude=0.5, period=100.25, periods=3, start=10, stop=400, use="selection")
 METRICS = {"report.rms": 0.25, "front.gain": Measured(1.0, 0.1), "lost": float("nan")}
+PRINTED = ("Table 1", (("front.gain", 1.0, None), ("back.gain", 0.5, 0.4)))
 UNITS = {"input": "V", "output": "m/s"}
 
 
@@ -80,7 +81,7 @@ def written(tmp_path_factory) -> Path:
         name="readers", records=(record,), stages={"static_curve": curve, "odd": odd(), "model": Model(PLANT, estimate)},
         truth=PLANT, residuals=(y / 2,), metrics=METRICS,
         tables=(Table("Fit", ("on", "rms"), (("report", Measured(np.float64(0.25), 0.01)), ("rest", None)), ("a note",)),),
-        provenance={"config": "name: readers\n", "seed": 3, "notes": ("one", "two"), "data": ()},
+        provenance={"config": "name: readers\n", "seed": 3, "notes": ("one", "two"), "data": ()}, published=PRINTED,
     )  # fmt: skip
     write_result(path, result, lambda name: "output" if name.endswith("rms") else "1")
     return path
@@ -100,6 +101,7 @@ def test_everything_reads_back(written):
     assert result.tables[0].rows == (("report", Measured(0.25, 0.01)), ("rest", None))
     assert result.provenance == {"config": "name: readers\n", "seed": 3, "notes": ("one", "two"), "data": ()}
     assert result.truth == result.model.system == PLANT
+    assert result.published == PRINTED
     assert type(result.stages["static_curve"]).__name__ == "StaticCurve"
     assert result.stages["static_curve"].table().rows  # a whid stage is itself again
     assert result.model.estimate.names == tuple(p.name for p in PLANT.tree.parameters())

@@ -28,7 +28,9 @@ def print_tables(*tables: Table) -> None:
 
     console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else WIDE)
     with console.capture() as captured:
-        for table in tables:
+        for number, table in enumerate(tables):
+            if number:
+                console.print()
             if table.title:
                 console.print(Text(table.title, "bold"))
             console.print(_rich(table))

@@ -27,6 +27,7 @@ from whid.system import System
 
 BLOCK = 1 << 18  # samples written at a time
 WORDS = ("name", "intersample", "initial", "use")  # of a record
+KEPT = ("checks", "asked", "warnings", "error", "tables", "pictures", "published")  # of a result, as JSON
 Tree = Callable[[Any], System]
 
 
@@ -67,12 +68,17 @@ def read_result(path: Path, tree: Tree) -> Result:
                 error=Failure(*kept["error"]) if kept["error"] else None,
                 tables=tuple(_table(row) for row in kept["tables"]),
                 pictures=tuple(kept["pictures"]),
+                published=_published(kept["published"]),
                 truth=origin.pop("truth", None),
                 provenance=origin,
                 path=path.parent,
             )
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as fault:
         raise WhidError("result-unreadable", f"not a result of whid: {fault}", str(path)) from fault
+
+
+def _published(kept: Any) -> Any:
+    return (kept[0], tuple(map(tuple, kept[1]))) if kept else None
 
 
 def _records(group: h5py.Group, result: Result) -> None:
@@ -156,7 +162,9 @@ def _provenance(group: h5py.Group, result: Result) -> None:
     for name, value in {**result.provenance, "truth": result.truth}.items():
         put(group, name, value, "1", {})
         attach(group, name)
-    kept = {name: getattr(result, name) for name in ("checks", "asked", "warnings", "error", "tables", "pictures")}
+    kept = {
+        name: getattr(result, name) for name in ("checks", "asked", "warnings", "error", "tables", "pictures", "published")
+    }
     tables = [table._replace(rows=tuple(tuple(map(_cell, row)) for row in table.rows)) for table in result.tables]
     array(group, "result", json.dumps(kept | {"tables": tables}, default=float), "")
 

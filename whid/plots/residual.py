@@ -41,7 +41,7 @@ def _course(axes: Axes, record: Any, residual: Floats) -> None:
     axes.set_title(record.name)
     known = residual[np.isfinite(residual)]
     note(axes, f"rms {np.sqrt(np.mean(known**2)):.3g}, output std {np.nanstd(record.y):.3g}")
-    if len(axes.lines) > 1:
+    if [line.get_label() for line in axes.lines] != ["estimation"]:
         axes.legend(loc="best", ncols=4)
 
 
