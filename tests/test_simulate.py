@@ -1,6 +1,7 @@
 """The simulator's draws, sizes and splits; its accuracy is bar A1's business."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def test_design_p_has_the_length_of_the_paper():
     assert PLAN.samples() == 29212
     parts = PLAN.plan()
     assert [p.kind for p in parts] == ["hold"] * 16 + ["sine"] * 3
-    assert all(a.stop == b.start for a, b in zip(parts, parts[1:], strict=False))
+    assert all(a.stop == b.start for a, b in pairwise(parts))
 
 
 def test_noise_of_one_size_is_the_same_draw_scaled():
@@ -40,12 +41,14 @@ def test_snr_sets_the_ratio_of_variances():
 
 
 def test_process_noise_passes_the_nonlinearity_and_the_back_block():
-    """Ahead of a gain of 3 and a first-order lag, held white noise of variance σ² leaves with 9σ²(1−a)/(1+a), a = e^(−h/τ)."""
+    """Ahead of a gain of 3 and a lag, held white noise of variance σ² leaves with 9σ²(1−a)/(1+a), a = e^(−h/τ)."""
     plant = System(
         chain=(Linear(num=(1.0,), den=(0.5, 1.0)), Polynomial(coefficients=(0.0, 3.0)), Linear(num=(1.0,), den=(0.2, 1.0))),
         noise=(Process(std=0.3),),
     )
-    y = simulate(plant, Experiment(dt=0.1, initial="steady", parts=(Hold(level=1.0, hold_s=4000.0),)), np.random.default_rng(5)).y
+    y = simulate(
+        plant, Experiment(dt=0.1, initial="steady", parts=(Hold(level=1.0, hold_s=4000.0),)), np.random.default_rng(5)
+    ).y
     a = np.exp(-0.1 / 0.2)
     expected = 9 * 0.3**2 * (1 - a) / (1 + a)
     effective = len(y) * (1 - a**2) / (1 + a**2)
@@ -60,7 +63,9 @@ def test_steady_start_does_not_move():
 
 @pytest.mark.parametrize("intersample", ["zoh", "foh", "bandlimited", "discrete"])
 def test_chunks_do_not_show(intersample, monkeypatch):
-    plan = replace(PLAN, intersample=intersample, parts=(Sine(offset=1.0, amplitude=3.0, samples_per_period=70.0, periods=12),))
+    plan = replace(
+        PLAN, intersample=intersample, parts=(Sine(offset=1.0, amplitude=3.0, samples_per_period=70.0, periods=12),)
+    )
     whole = simulate(PLANT, plan, np.random.default_rng(0)).y
     monkeypatch.setattr(predict, "CHUNK", 101)
     assert np.allclose(simulate(PLANT, plan, np.random.default_rng(0)).y, whole, rtol=0, atol=1e-10 * np.abs(whole).max())

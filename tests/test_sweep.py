@@ -74,6 +74,11 @@ def test_file_and_table(config, tmp_path):
     assert row[2].value == pytest.approx(values.mean())
     assert row[3] == pytest.approx(values.std(ddof=1))
     assert (found.path / "DONE").exists()
+    again = sweep(config, tmp_path)
+    assert again.reused
+    assert again.path == found.path
+    assert again.table() == found.table()
+    assert sweep(config, tmp_path, force=True).path.name == found.path.name + ".2"
 
 
 def test_a_failing_cell_is_a_row_and_the_command_says_so(config, tmp_path):

@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from whid import flow
 from whid.config.load import load_study, resolved
-from whid.config.study import Sweep
+from whid.config.study import Study, Sweep
 from whid.errors import WhidError
 from whid.files import run_folder
 from whid.files.provenance import provenance
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
-from whid.files.sweep_file import write_sweep
+from whid.files.sweep_file import read_sweep, write_sweep
 from whid.quantity import Measured, Table
 from whid.result import Check
 from whid.tables import cell as as_text
@@ -57,6 +57,7 @@ class SweepResult:
     errors: NDArray[Any]
     checks: tuple[Check, ...]
     path: Path | None = None
+    reused: bool = False
 
     @property
     def failed(self) -> int:
@@ -75,7 +76,8 @@ class SweepResult:
             for name in chosen:
                 found = self.values.get(name, np.full(self.errors.shape, np.nan))[c]
                 found = found[np.isfinite(found)]
-                mean, sd = (float(found.mean()), float(found.std(ddof=1))) if len(found) > 1 else (_only(found), float("nan"))
+                mean = float(found.mean()) if len(found) else float("nan")
+                sd = float(found.std(ddof=1)) if len(found) > 1 else float("nan")
                 failures = int((self.errors[c] != "").sum())
                 rows.append((*place, name, Measured(mean, sd / np.sqrt(max(len(found), 1))), sd, len(found), failures))
         columns = (*self.over, "metric", "mean ± its error", "sd", "n", "failed")
@@ -89,13 +91,14 @@ def sweep(
     *,
     jobs: int = 1,
     executor: Executor | None = None,
+    force: bool = False,
     watch: Watch | None = None,
 ) -> SweepResult:
     """Run the study of a config over its `sweep:` and keep the outcome in `<out>/<name>-sweep-<hash10>/`.
 
     jobs > 1 uses that many processes, executor any other `concurrent.futures` engine; the numbers are the same, bit for bit:
     every repeat's seed is a `SeedSequence` keyed by the study's seed, the cell's values and the repeat. A bound of
-    `expect:` holds when the mean of every cell holds it. Raises `WhidError` for a faulty config or one without `sweep:`.
+    `expect:` holds when the mean of every cell holds it. A sweep that is done is not run again, unless `force`. Raises `WhidError` for a faulty config or one without `sweep:`.
     """
     study = load_study(config, overrides)
     if study.sweep is None:
@@ -103,25 +106,40 @@ def sweep(
     cells = [dict(zip(study.sweep.over, values, strict=True)) for values in combinations(study.sweep)]
     for chosen in cells:
         load_study(config, [*overrides, *_settings(chosen)])  # every cell's faults before the first run
-    tasks = [(config, (*overrides, *_settings(chosen)), key(chosen, r)) for chosen in cells for r in range(study.sweep.repeats)]
-    outcomes = list(_outcomes(tasks, jobs, executor, watch))
     base = Path(config).parent if isinstance(config, (str, Path)) else Path()
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
+    stem = run_folder.stem(f"{study.name}-sweep", origin["hash"])
+    if not force and (done := run_folder.finished(Path(out), stem)):
+        return _result(study, *read_sweep(done / "sweep.h5"), path=done, reused=True)
+    repeats = range(study.sweep.repeats)
+    tasks = [(config, (*overrides, *_settings(chosen)), key(chosen, r)) for chosen in cells for r in repeats]
+    outcomes = list(_outcomes(tasks, jobs, executor, watch))
     shape = (len(cells), study.sweep.repeats)
     names = list(dict.fromkeys(name for outcome in outcomes for name in outcome.metrics))
     missing = (float("nan"), float("nan"))
     numbers = {name: np.array([o.metrics.get(name, missing) for o in outcomes]).reshape(*shape, 2) for name in names}
-    values = {name: both[..., 0] for name, both in numbers.items()}
-    found = SweepResult(
-        study.name, {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}, values,
-        {name: both[..., 1] for name, both in numbers.items()}, np.array([o.error for o in outcomes], object).reshape(shape),
-        tuple(_check(bound.metric, values, bound.below, bound.above) for bound in study.expect),
-    )  # fmt: skip
-    with RunFolder(Path(out), run_folder.stem(f"{study.name}-sweep", origin["hash"])) as folder:
-        write_sweep(folder.path / "sweep.h5", found.over, found.values, found.std, found.errors, origin)
+    over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
+    values, std = ({name: both[..., side] for name, both in numbers.items()} for side in (0, 1))
+    errors = np.array([o.error for o in outcomes], object).reshape(shape)
+    with RunFolder(Path(out), stem) as folder:
+        write_sweep(folder.path / "sweep.h5", over, values, std, errors, origin)
         folder.write("config.yaml", origin["config"])
+        found = _result(study, over, values, std, errors)
         folder.write("summary.md", markdown(found.table()) + "\n")
-        return SweepResult(**{**vars(found), "path": folder.keep(origin["hash"])})
+        return replace(found, path=folder.keep(origin["hash"]))
+
+
+def _result(
+    study: Study,
+    over: Mapping[str, tuple[Any, ...]],
+    values: Mapping[str, Floats],
+    std: Mapping[str, Floats],
+    errors: NDArray[Any],
+    path: Path | None = None,
+    reused: bool = False,
+) -> SweepResult:
+    checks = tuple(_check(bound.metric, values, bound.below, bound.above) for bound in study.expect)
+    return SweepResult(study.name, over, values, std, errors, checks, path, reused)
 
 
 def combinations(declared: Sweep) -> Iterator[tuple[Any, ...]]:
@@ -171,10 +189,11 @@ def _outcome(task: tuple[Any, tuple[str, ...], tuple[int, ...]]) -> Outcome:
     result = flow.execute(study, base, np.random.SeedSequence(study.seed, spawn_key=spawn_key))
     if result.error:
         return Outcome({}, f"{result.error.code}: {result.error.message}")
-    return Outcome({name: (m.value, m.std) if isinstance(m, Measured) else (m, float("nan")) for name, m in result.metrics.items()})
+    numbers = {name: m if isinstance(m, Measured) else Measured(m, float("nan")) for name, m in result.metrics.items()}
+    return Outcome({name: (m.value, m.std) for name, m in numbers.items()})
 
 
-class _single_threaded:  # noqa: N801 (used as a verb)
+class _single_threaded:
     """Start workers with one BLAS thread each: they inherit the environment before they import numpy."""
 
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -198,7 +217,3 @@ def _check(metric: str, values: Mapping[str, Floats], below: float | None, above
     verdicts = [Check(metric, float(mean), below, above) for mean in means]
     worst = next((check for check in verdicts if check.verdict != "pass"), None)
     return worst or max(verdicts, key=lambda check: check.value or 0.0)
-
-
-def _only(found: Floats) -> float:
-    return float(found[0]) if len(found) else float("nan")

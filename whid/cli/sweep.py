@@ -15,8 +15,9 @@ import click
 )
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Override a value, e.g. sweep.repeats=20.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
+@click.option("--force", is_flag=True, help="Run again into a sibling folder, even when this sweep is done.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
-def command(config: Path, out: Path, overrides: tuple[str, ...], jobs: int, as_json: bool) -> int:
+def command(config: Path, out: Path, overrides: tuple[str, ...], jobs: int, force: bool, as_json: bool) -> int:
     """Run a study over the grid of its `sweep:` section, many times a cell.
 
     Example: whid sweep noise.yaml --jobs 2
@@ -25,13 +26,14 @@ def command(config: Path, out: Path, overrides: tuple[str, ...], jobs: int, as_j
     from whid.sweep import sweep
 
     with _Bar() as bar:
-        found = sweep(config, out, overrides, jobs=jobs, watch=bar)
+        found = sweep(config, out, overrides, jobs=jobs, force=force, watch=bar)
     if as_json:
         checks = [check._asdict() | {"verdict": check.verdict} for check in found.checks]
-        print_json({"name": found.name, "path": str(found.path), "failed": found.failed, "table": found.table(), "expect": checks})
+        kept = {"name": found.name, "path": str(found.path), "reused": found.reused, "failed": found.failed}
+        print_json(kept | {"table": found.table(), "expect": checks})
     else:
         print_tables(found.table())
-        print(f"\n{found.path}\n  sweep.h5  summary.md")
+        print(f"\n{'reused, nothing was run: ' if found.reused else ''}{found.path}\n  sweep.h5  summary.md")
     for reason in sorted({str(error) for error in found.errors.flat if error}):
         click.echo(f"failed: {reason}", err=True)
     verdicts = {check.verdict for check in found.checks}
