@@ -3,6 +3,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from whid.blocks.linear import Linear
 from whid.blocks.parallel import Parallel
 from whid.blocks.piecewise import Piecewise
 from whid.config.load import as_system, load_study, resolved, study_of
+from whid.config.memory import memory
 from whid.config.study import Study
 from whid.config.yaml import dump, parse
 from whid.disturbances.white import White
@@ -292,7 +294,7 @@ def places(value, path=()):
         yield from places(item, (*path, key))
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_a_mutated_config_is_a_study_or_a_named_fault(data):
     text = data.draw(st.sampled_from([GOOD, *(path.read_text("utf-8") for path in SHIPPED)]))
@@ -309,7 +311,11 @@ def test_a_mutated_config_is_a_study_or_a_named_fault(data):
             value = holder.pop(last)
             if what == "rename":
                 holder[data.draw(st.sampled_from(["kind", "chain", "from_", "x", last + "s"]))] = value
-    assert isinstance(outcome(load_study, tree), (Study, WhidError))
+    found = outcome(load_study, tree)
+    assert isinstance(found, (Study, WhidError))
+    if isinstance(found, Study):
+        assert outcome(memory, found)
+        assert study_of(parse(resolved(found))) == found
 
 
 @settings(max_examples=100, deadline=None)
@@ -341,6 +347,38 @@ def test_the_schema_of_the_shipped_configs_is_fresh():
 
     stored = json.loads((CONFIGS / "whid.schema.json").read_text("utf-8"))
     assert bare(stored) == bare(json.loads(json.dumps(json_schema()))), "run: whid schema > configs/whid.schema.json"
+
+
+@pytest.fixture(scope="module")
+def editor():
+    """What an editor does with the schema: an independent implementation of JSON Schema."""
+    schema = json.loads((CONFIGS / "whid.schema.json").read_text("utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema).is_valid
+
+
+def test_an_editor_finds_nothing_in_a_good_config(editor):
+    assert editor(parse(GOOD).value)
+    assert all(editor(parse(path.read_text("utf-8")).value) for path in SHIPPED)
+
+
+def test_an_editor_marks_what_whid_refuses_by_its_form(editor):
+    told_later = (
+        "den: [0, 2]",
+        "inf",
+        "-1+2k",
+        "1e999",
+        "period: 3",
+        "step: 1e-9",
+        "data: {",
+        "model:",
+        "expect: [",
+        "zip",
+        "1000",
+    )
+    for old, new, said in CASES:
+        if not any(word in new for word in told_later):
+            assert not editor(parse(GOOD.replace(old, new, 1)).value), said
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: str(path.relative_to(CONFIGS)))

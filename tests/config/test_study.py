@@ -1,5 +1,7 @@
 import dataclasses
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,6 +60,22 @@ def test_bounds_and_sweeps():
 def test_memory_grows_with_the_samples():
     assert memory(load_study(SIMULATED)) == START + 1000 * SAMPLE
     assert memory(load_study(SIMULATED, ["experiment.parts[0].hold_s=1e9"])) > 1e10 * SAMPLE
+
+
+PEAK = """
+import resource, sys, whid
+whid.run(sys.argv[1], out=sys.argv[2], overrides=["experiment.parts[1].periods=4760"])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.slow
+def test_memory_is_above_the_measured_peak_and_not_far(tmp_path):
+    starter = Path(__file__).parents[2] / "configs" / "starter.yaml"
+    done = subprocess.run([sys.executable, "-c", PEAK, starter, tmp_path], capture_output=True, text=True, check=True)
+    peak, estimate = int(done.stdout), memory(load_study(starter, ["experiment.parts[1].periods=4760"]))
+    print(f"2e6 samples: peak {peak / 1e6:.0f} MB, estimate {estimate / 1e6:.0f} MB")
+    assert peak < estimate < 2 * peak
 
 
 def test_memory_of_what_cannot_be_counted_is_more_than_any():

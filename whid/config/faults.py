@@ -87,7 +87,7 @@ def _value(what: str, value: Any, context: Mapping[str, Any], said: str) -> str:
         return f"needs at least {context['min_length']} {'entry' if what == 'too_short' else 'character'}"
     if what == "int_type":
         return f"must be a whole number, not {_shown(value)}"
-    if what == "finite_number":
+    if what in ("finite_number", "float_type"):  # the second: a whole number beyond 1e308
         return "must be a finite number"
     return said[:1].lower() + said[1:]
 

@@ -32,7 +32,7 @@ def memory(study: Study, base: Path = Path()) -> int:
 def allow(study: Study, limit: float, base: Path = Path()) -> None:
     """Raise `WhidError("memory")` for a study that will need more than `limit` bytes."""
     needed = memory(study, base)
-    if needed > limit:
+    if needed > limit or needed == sys.maxsize:
         raise WhidError("memory", f"this study needs about {human(needed)}, {human(limit)} are allowed")
 
 

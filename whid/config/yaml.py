@@ -18,6 +18,7 @@ from whid.errors import Faults, WhidError
 Path = tuple[str | int, ...]  # ("plant", "chain", 1, "breaks")
 
 DEPTH = 50  # nested lists and mappings
+DIGITS = 4000  # of an int; Python refuses to read 4300
 ALIASED = 10_000  # values reached through anchors
 TAGGED = "tags (`!…`) are not allowed: a config holds plain values"
 CORE = (  # tag, pattern, first characters: YAML 1.2.2, section 10.3.2
@@ -204,7 +205,7 @@ class _Reader:
             return None
         if kind == "bool":
             return text.lower() == "true"
-        if kind == "int" and len(text) < 400:
+        if kind == "int" and len(text) <= DIGITS:
             return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
         if kind in ("int", "float"):
             return float(re.sub(r"\.(?=inf|nan)", "", text.lower()))
