@@ -187,7 +187,8 @@ class _Work:
     def assess(self) -> None:
         """Open the report parts: the residual of every record, then the score."""
         model = self.stages["model"]
-        self.residuals = tuple(residual(model.system.tree, record) for record in self.records)
+        path = "sampled" if any(experiment.path == "sampled" for experiment in self.study.experiment) else "exact"
+        self.residuals = tuple(residual(model.system.tree, record, path) for record in self.records)
         self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
         for stage in self.stages.values():
             self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
