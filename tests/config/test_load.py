@@ -82,6 +82,7 @@ CASES = [  # what replaces what, and what is said of it
     ("name: good", "name: ../x", "f.yaml:1:7: name: must be 1 to 64 letters"),
     ("name: good", "name: .hidden", "name: must be 1 to 64"),
     ("name: good", "name: good\nsed: 3", "f.yaml:2:1: sed: unknown key, did you mean seed?"),
+    ("name: good", "name: good\n<whid.a.B>: 3", "f.yaml:2:1: <whid.a.B>: unknown key (allowed"),
     ("name: good\n", "", "f.yaml:1:1: name: is missing"),
     ("kind: linear, num: [1]", "kind: linaer, num: [1]", "f.yaml:4:14: plant.chain[0].kind: no kind 'linaer', did you"),
     ("{kind: linear, num", "{num", "f.yaml:4:7: plant.chain[0]: needs `kind:` (blocks: "),

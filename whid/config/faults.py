@@ -42,12 +42,12 @@ def _echo(error: Mapping[str, Any]) -> bool:
 
 def _fault(error: Mapping[str, Any], document: Document) -> WhidError:
     location, context, value = error["loc"], error.get("ctx", {}), error["input"]
-    path: Path = tuple(step for step in location if not (isinstance(step, str) and step.startswith("<")) and step != "[key]")
+    path: Path = tuple(step for step in location if not _is_label(step) and step != "[key]")
     what, where = error["type"], document.where(path)
     if what == "missing":
         return WhidError("config-missing", "is missing", where)
     if what == "extra_forbidden":
-        return _unknown(str(location[-1]), location, document.where(path, key=True))
+        return _unknown(location, document)
     if what == "kind":
         return _kind(value, context, document, path)
     if what == "whid":
@@ -56,10 +56,16 @@ def _fault(error: Mapping[str, Any], document: Document) -> WhidError:
     return WhidError("config-value", _value(what, value, context, error["msg"]), where)
 
 
-def _unknown(key: str, location: tuple[Any, ...], where: str) -> WhidError:
-    label = next((step for step in reversed(location) if isinstance(step, str) and step.startswith("<whid.")), "")
-    allowed = keys(label)
-    return WhidError("config-unknown", f"unknown key{near(key, allowed)} (allowed: {', '.join(allowed)})", where)
+def _unknown(location: tuple[Any, ...], document: Document) -> WhidError:
+    *way, key = location
+    allowed = keys([step for step in way if _is_label(step)][-1])
+    path = (*(step for step in way if not _is_label(step)), key)
+    message = f"unknown key{near(str(key), allowed)} (allowed: {', '.join(allowed)})"
+    return WhidError("config-unknown", message, document.where(path, key=True))
+
+
+def _is_label(step: Any) -> bool:
+    return isinstance(step, str) and step.startswith("<")
 
 
 def _kind(value: dict[str, Any], context: Mapping[str, Any], document: Document, path: Path) -> WhidError:
