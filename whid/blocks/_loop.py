@@ -167,7 +167,7 @@ def root(residual: Callable[[float], float], guess: float, where: str) -> float:
     for reach in width * 2.0 ** np.arange(-20, 40):
         for far in (guess - reach, guess + reach):
             if residual(far) * r < 0:
-                e = float(brentq(residual, guess, far, xtol=1e-300, rtol=1e-15))
+                e = float(brentq(residual, guess, far, xtol=1e-16 * width, rtol=1e-15, maxiter=500))
                 if abs(residual(e)) <= 1e-9 * (abs(e) + width):
                     return e
                 raise WhidError("feedback-no-solution", f"the loop's residual jumps over zero at e = {e:g}", where)
