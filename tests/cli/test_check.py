@@ -63,3 +63,14 @@ def test_a_config_that_is_not_there(whid, name):
     found = whid("check", name)
     assert found.exit_code == 2
     assert found.stderr.startswith(f"error[config-file]: {name}: ")
+
+
+def test_every_value_of_a_sweep_is_checked(whid, tmp_path):
+    text = (CONFIGS / "starter.yaml").read_text("utf-8")
+    (tmp_path / "s.yaml").write_text(text + "sweep: {over: {plant.noise.std: [0.1, -1], plant.nois.std: [2]}, repeats: 3}\n")
+    found = whid("check", "s.yaml")
+    assert found.exit_code == 2
+    assert "--set plant.noise.std: must be >= 0, not -1" in found.stderr
+    assert "plant.nois is not there, did you mean noise?" in found.stderr
+    (tmp_path / "t.yaml").write_text(text + "sweep: {over: {plant.noise.std: [0.1, 1]}, repeats: 3}\n")
+    assert "grid over plant.noise.std (2), 3 repeats" in whid("check", "t.yaml").stdout

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import click
+
+from whid.errors import Faults, WhidError
 
 
 @click.command()
@@ -23,21 +28,28 @@ def command(config: Path, overrides: tuple[str, ...], max_memory: str, as_json: 
     from whid.config.load import load_study
     from whid.config.memory import allow, size
     from whid.config.overview import overview
-    from whid.errors import Faults, WhidError
     from whid.files.source import locate
 
-    study, faults = load_study(config, overrides), []
-    for test in [lambda: allow(study, size(max_memory), config.parent)] + [
-        lambda file=source.file: locate(file, config.parent) for source in study.sources
-    ]:
-        try:
-            test()
-        except WhidError as fault:
-            faults.append(fault)
-    if faults:
+    study = load_study(config, overrides)
+    tests: list[Callable[[], object]] = [lambda: allow(study, size(max_memory), config.parent)]
+    tests += [partial(locate, source.file, config.parent) for source in study.sources]
+    for path, values in (study.sweep.over if study.sweep else {}).items():
+        tests += [partial(load_study, config, [*overrides, f"{path}={json.dumps(value)}"]) for value in values]
+    if faults := [fault for test in tests for fault in _faults(test)]:
         raise Faults(faults)
     table = overview(study, config.parent)
     if as_json:
         print_json(table)
     else:
         print_tables(table)
+
+
+def _faults(test: Callable[[], object]) -> Sequence[WhidError]:
+    """Return what a test raises."""
+    try:
+        test()
+    except Faults as error:
+        return error.faults
+    except WhidError as error:
+        return (error,)
+    return ()
