@@ -15,7 +15,7 @@ WINDOW = 8  # samples before and after a change under noise; a noisy level has a
 SCORE = 6.0  # a change of the window mean by so many standard errors is a step
 QUIET = 0.03  # of the signal's range: more scatter than this is no level
 WHITE = 0.5  # von Neumann ratio below which the scatter is a slope, not noise
-LONG = 64  # samples: a noisy level that is not reached by a step is believed from here on
+LONG = 40  # samples: a noisy level that is not between two steps is believed from here on
 LOOKED_AT = 10**6  # samples from which the bit is found
 
 
@@ -49,7 +49,7 @@ def find_holds(u: Floats, bit: float) -> list[Stretch]:
     noisy = _merged(u, [piece for hold in _between_changes(u) for piece in _constant(u, hold, bit, scatter)], bit)
     if exact and not _flickers(u, exact, bit) and _samples(exact) >= 0.9 * _samples(noisy):
         return exact
-    return [hold for hold in noisy if hold.stop - hold.start >= LONG or any(steps(u, hold, bit))]
+    return [hold for hold in noisy if hold.stop - hold.start >= LONG or all(steps(u, hold, bit))]
 
 
 def steps(u: Floats, hold: Stretch, bit: float) -> tuple[bool, bool]:

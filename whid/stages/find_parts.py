@@ -87,11 +87,15 @@ def _values(u: Floats, piece: Stretch | Found, n: Floats) -> Floats:
 
 
 def _uneven(left: Stretch | Found, right: Stretch | Found, border: int) -> float:
-    """Return by how many samples the sines on both sides miss whole periods; borders are settled from the left."""
-    spans = [(left, border - left.start, 1.0), (right, right.stop - border, 0.1)]
-    return sum(
-        weight * abs(n - piece.period * round(n / piece.period)) for piece, n, weight in spans if isinstance(piece, Found)
-    )
+    """Return by how many samples the left sine misses whole periods, and the right one a start at a quarter of a turn."""
+    miss = 0.0
+    if isinstance(left, Found):
+        periods = (border - left.start) / left.period
+        miss += left.period * abs(periods - round(periods))
+    if isinstance(right, Found):
+        quarters = 4 * ((border - right.start) / right.period + right.phase / (2 * np.pi))
+        miss += right.period / 4 * abs(quarters - round(quarters))
+    return miss
 
 
 def _moved(u: Floats, piece: Stretch | Found, start: int, stop: int) -> Stretch | Found:
