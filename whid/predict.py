@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -48,13 +47,3 @@ def input_signal(tree: Block, record: Record, path: str = "exact") -> Signal:
 def chunks(samples: int) -> Iterator[slice]:
     """Yield slices that cover a record."""
     return (slice(start, min(start + CHUNK, samples)) for start in range(0, samples, CHUNK))
-
-
-def rms(x: Any) -> float:
-    """Return the root mean square of what is finite, NaN of nothing.
-
-    >>> rms([3.0, -3.0, float("nan")])
-    3.0
-    """
-    finite = np.asarray(x, float)[np.isfinite(x)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from whid.blocks.linear import Linear
 from whid.methods._method import Model
-from whid.predict import rms
 from whid.quantity import Measured
 from whid.record import Record
-from whid.signal import Floats
+from whid.signal import Floats, rms
 from whid.stages.identifiability import distinct
 from whid.system import System
 

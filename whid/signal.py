@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -183,3 +183,13 @@ def at(values: Floats, tau: Floats) -> Floats:
     return np.asarray(
         legendre.legval(2 * tau - 1, coefficients if tau.ndim == 1 else coefficients[:, None, :], tensor=False)
     )
+
+
+def rms(x: Any) -> float:
+    """Return the root mean square of what is finite, NaN of nothing.
+
+    >>> rms([3.0, -3.0, float("nan")])
+    3.0
+    """
+    finite = np.asarray(x, float)[np.isfinite(x)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")

@@ -27,6 +27,7 @@ from whid.files.source import locate
 from whid.files.sweep_file import read_sweep, write_sweep
 from whid.quantity import Measured, Table
 from whid.result import Check
+from whid.score import units
 from whid.tables import cell as as_text
 from whid.tables import markdown
 
@@ -98,7 +99,8 @@ def sweep(
 
     jobs > 1 uses that many processes, executor any other `concurrent.futures` engine; the numbers are the same, bit for bit:
     every repeat's seed is a `SeedSequence` keyed by the study's seed, the cell's values and the repeat. A bound of
-    `expect:` holds when the mean of every cell holds it. A sweep that is done is not run again, unless `force`. Raises `WhidError` for a faulty config or one without `sweep:`.
+    `expect:` holds when the mean of every cell holds it. A sweep that is done is not run again, unless `force`.
+    Raises `WhidError` for a faulty config or one without `sweep:`.
     """
     study = load_study(config, overrides)
     if study.sweep is None:
@@ -122,7 +124,7 @@ def sweep(
     values, std = ({name: both[..., side] for name, both in numbers.items()} for side in (0, 1))
     errors = np.array([o.error for o in outcomes], object).reshape(shape)
     with RunFolder(Path(out), stem) as folder:
-        write_sweep(folder.path / "sweep.h5", over, values, std, errors, origin)
+        write_sweep(folder.path / "sweep.h5", over, values, std, errors, origin, units)
         folder.write("config.yaml", origin["config"])
         found = _result(study, over, values, std, errors)
         folder.write("summary.md", markdown(found.table()) + "\n")

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-
-from whid.score import units
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +21,7 @@ def write_sweep(
     std: Mapping[str, Floats],
     errors: NDArray[Any],
     origin: Mapping[str, Any],
+    metric_units: Callable[[str], str],
 ) -> None:
     """Write cells (the swept values), metrics with `<name>_errors`, failures and provenance."""
     with h5py.File(path, "w") as file:
@@ -41,7 +40,7 @@ def write_sweep(
                 group.create_dataset(name, data=array),
                 group.create_dataset(f"{name}_errors", data=std[name]),
             ):
-                dataset.attrs["units"] = units(name)
+                dataset.attrs["units"] = metric_units(name)
                 for scale in cells.values():
                     dataset.dims[0].attach_scale(scale)
                 dataset.dims[1].attach_scale(repeat)

@@ -83,12 +83,18 @@ def from_rational(
 
 
 def from_lags(found: Lags, f: Block, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]) -> Model:
-    """Return the chosen lag in front of f or behind it."""
+    """Return the chosen lag in front of f or behind it, and f as the levels gave it."""
+    front, e, seg = found.place[found.chosen] == "front", found.estimate, pieces.estimate
+    names = tuple(f"chain.{0 if front else 1}.den.{len(e.names) - 1 - k}" for k in range(len(e.names)))
+    if isinstance(f, Piecewise):
+        both = np.zeros((len(names) + len(seg.names),) * 2)
+        both[: len(names), : len(names)], both[len(names) :, len(names) :] = e.covariance, seg.covariance
+        e = e._replace(
+            values=np.concatenate([e.values, seg.values]), std=np.concatenate([e.std, seg.std]), covariance=both,
+            rank=e.rank + len(seg.names), null_directions=np.empty((0, len(both))),
+        )  # fmt: skip
+        names += tuple(f"chain.{1 if front else 0}.{name}" for name in seg.names)
     lag = found.block()
-    front = found.place[found.chosen] == "front"
-    e = found.estimate
-    place = 0 if front else 1
-    names = tuple(f"chain.{place}.den.{len(e.names) - 1 - k}" for k in range(len(e.names)))
     return Model(System(chain=(lag, f) if front else (f, lag)), e._replace(names=names), normalisation, missing)
 
 

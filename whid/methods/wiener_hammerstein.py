@@ -107,8 +107,7 @@ class WienerHammerstein(Method):
         for k, part in enumerate(holds):
             number[part.start : part.stop] = k
         number[~record.using("estimation")] = -1
-        held_back = np.arange(len(holds)) % 3 == 2  # every third transition selects: up and down alike
-        found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, held_back, settle)
+        found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
         yield assemble.from_lags(found, f, pieces, self.normalisation, self._missing_steps(found))
 

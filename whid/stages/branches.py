@@ -35,13 +35,13 @@ class BranchGap(NamedTuple):
         )
         if not self.dof:
             return Table(
-                "up minus down", ("level", "gap", ""), (), ("no level was reached both ways: memory cannot be seen",)
+                "Up minus down", ("level", "gap", ""), (), ("no level was reached both ways: memory cannot be seen",)
             )
         test = f"χ²({self.dof}) = {self.chi2:.3g}, p = {self.p:.2g}"
         figures = f"largest gap {self.largest:.3g}, {100 * self.share:.2g} % of the span; {test}"
         small = "; no more than slow drift or settling explain" if self.significant.any() else ""
         return Table(
-            "up minus down", ("level", "gap", ""), rows, (figures, "memory" if self.memory else f"no memory claimed{small}")
+            "Up minus down", ("level", "gap", ""), rows, (figures, "memory" if self.memory else f"no memory claimed{small}")
         )
 
 

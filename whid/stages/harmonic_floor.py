@@ -26,11 +26,11 @@ class HarmonicFloor(NamedTuple):
     def table(self) -> Table:
         """Return one row and the verdict."""
         if not self.dof:
-            return Table("harmonic floor", ("orders", "χ²", "dof", "p", "worst"), (), ("no order to test",))
+            return Table("Harmonic floor", ("orders", "χ²", "dof", "p", "worst"), (), ("no order to test",))
         row = (f"{self.orders[0]}-{self.orders[-1]}", round(self.statistic, 2), self.dof, float(f"{self.p:.3g}"), self.worst)
         verdict = "only noise: the sine stayed inside one polynomial piece"
         broken = "more than noise: the sine left its polynomial piece, or the degree is higher"
-        return Table("harmonic floor", ("orders", "χ²", "dof", "p", "worst"), (row,), (verdict if self.passed else broken,))
+        return Table("Harmonic floor", ("orders", "χ²", "dof", "p", "worst"), (row,), (verdict if self.passed else broken,))
 
 
 def harmonic_floor(harmonics: Harmonics, degree: int, significance: float = 0.01) -> HarmonicFloor:

@@ -13,7 +13,7 @@ from whid.blocks.chain import Chain
 from whid.blocks.linear import Linear
 from whid.fit import Estimate, Parameter, least_squares
 from whid.quantity import Measured, Quantity, Table
-from whid.signal import Signal
+from whid.signal import Signal, rms
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,7 +24,7 @@ CANDIDATES = (("front", 1), ("front", 2), ("back", 1), ("back", 2))
 class Lags(NamedTuple):
     """The four candidates 1/(a₁s + 1) and 1/(a₂s² + a₁s + 1), in front of f and behind it, and the one chosen.
 
-    coefficients are (a₁, a₂), NaN for the first order. rms_selection is on transitions that the fit did not use. margin is
+    coefficients are (a₁, a₂), NaN for the first order. rms_selection is that of transitions held back. margin is
     the log-likelihood by which the chosen side of f beats the other there, (Σe² − Σe²)/2σ²κ with κ = (1 + ρ)/(1 − ρ) for the
     correlation ρ of neighbouring residuals, nats.
     """
@@ -51,7 +51,7 @@ class Lags(NamedTuple):
                 zip(self.place, self.order, self.coefficients, self.coefficients_std, strict=True)
             )
         )  # fmt: skip
-        notes = ["1/(a₂s² + a₁s + 1); → smallest error on the transitions held back, then fitted to all of them"]
+        notes = ["1/(a₂s² + a₁s + 1); → smallest error on transitions held back (three-fold), fitted to all of them"]
         if not self.decided:
             notes.append(
                 f"front or back: the level transitions cannot tell (margin {self.margin:.2g} nats, {DECIDED:g} would)"
@@ -72,55 +72,69 @@ class Lags(NamedTuple):
         return _lag(a[np.isfinite(a)])
 
 
-def lags(u: Signal, y: Floats, f: Block, hold: NDArray[np.intp], held_back: Mask, slowest: float) -> Lags:
-    """Fit every candidate to the transitions, choose on those held back, then refit the chosen one to all.
+def lags(u: Signal, y: Floats, f: Block, hold: NDArray[np.intp], slowest: float, folds: int = 3) -> Lags:
+    """Fit every candidate to the transitions; choose by cross-validation, each transition judged when it was held back.
 
     u       the input with its course between samples; the record starts in the steady state of its first level
     y       (N,) output
     f       the static curve as found; it stays as it is
     hold    (N,) the number of the hold that a sample belongs to, −1 where none or where y is missing
-    held_back (holds,) which transitions select; the others fit
     slowest an upper guess of the time constant, s: the settle time
+    folds   transition k is held back in fold k mod folds: ways up and down are in each
 
-    The second order is taken only where it lowers the held-back error by more than one standard error of the difference,
-    transition by transition.
+    The second order is taken only where it lowers the held-back error by more than two standard errors of the difference,
+    transition by transition. Standard errors allow for the correlation of neighbouring residuals (κ).
     """
-    inside, outside = ((hold >= 0) & (held_back[hold] == side) for side in (False, True))
-    found = [_fit(place, order, u, y, f, inside, slowest) for place, order in CANDIDATES]
-    errors = np.array([_response(place, e.values, u, f) - y for (place, _), e in zip(CANDIDATES, found, strict=True)])
-    judged = outside if outside.any() else inside
-    loss = np.array([np.bincount(hold[judged], e[judged] ** 2, len(held_back)) for e in errors])[:, held_back]
+    everywhere = hold >= 0
+    found = [_fit(place, order, u, y, f, everywhere, _starts(order, slowest)) for place, order in CANDIDATES]
+    inside = [_response(place, e.values, u, f) - y for (place, _), e in zip(CANDIDATES, found, strict=True)]
+    outside = np.full((len(CANDIDATES), len(y)), np.nan)
+    for fold in range(folds):
+        back = everywhere & (hold % folds == fold)
+        for i, ((place, order), whole) in enumerate(zip(CANDIDATES, found, strict=True)):
+            rest = _fit(place, order, u, y, f, everywhere & ~back, [whole.values])
+            outside[i, back] = (_response(place, rest.values, u, f) - y)[back]
+    loss = np.array([np.bincount(hold[everywhere], e[everywhere] ** 2) for e in outside])
     pick = [2 * side + int(_clearly(loss[2 * side], loss[2 * side + 1])) for side in (0, 1)]
     chosen, other = sorted(pick, key=lambda i: float(loss[i].sum()))
-    margin = float(loss[other].sum() - loss[chosen].sum()) / (2 * _long_run_variance(errors[chosen], judged))
-    rms = [[float(np.sqrt(np.mean(e[m] ** 2))) if m.any() else np.nan for e in errors] for m in (inside, outside)]
-    found[chosen] = _fit(*CANDIDATES[chosen], u, y, f, inside | outside, slowest)
+    kappa = [_repetition(e, everywhere) for e in inside]
+    variance = loss[chosen].sum() / everywhere.sum() * kappa[chosen]
+    found = [_inflated(e, k) for e, k in zip(found, kappa, strict=True)]
     coefficients, std = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
     for i, estimate in enumerate(found):
         coefficients[i, : len(estimate.values)], std[i, : len(estimate.values)] = estimate.values, estimate.std
     return Lags(
-        tuple(p for p, _ in CANDIDATES), np.array([o for _, o in CANDIDATES]), coefficients, std, np.array(rms[0]),
-        np.array(rms[1]), chosen, margin, found[chosen],
+        tuple(p for p, _ in CANDIDATES), np.array([o for _, o in CANDIDATES]), coefficients, std,
+        np.array([rms(e[everywhere]) for e in inside]), np.array([rms(e[everywhere]) for e in outside]),
+        chosen, float(loss[other].sum() - loss[chosen].sum()) / (2 * variance), found[chosen],
     )  # fmt: skip
 
 
 def _clearly(loss: Floats, better: Floats) -> bool:
-    """Tell whether the second loss is smaller by more than one standard error of the paired difference."""
+    """Tell whether the second loss is smaller by more than two standard errors of the paired difference."""
     difference = loss - better
     std = np.std(difference, ddof=1) * np.sqrt(len(difference)) if len(difference) > 1 else np.inf
-    return bool(difference.sum() > std)
+    return bool(difference.sum() > 2 * std)
 
 
-def _long_run_variance(error: Floats, where: Mask) -> float:
-    """Return the variance of residuals times κ, the factor by which neighbours repeat each other."""
+def _repetition(error: Floats, where: Mask) -> float:
+    """Return κ = (1 + ρ)/(1 − ρ), the factor by which neighbouring residuals repeat each other; at least 1."""
     inner = where[1:] & where[:-1]
-    variance = float(np.mean(error[where] ** 2))
-    rho = float(np.mean(error[1:][inner] * error[:-1][inner])) / variance if inner.any() and variance else 0.0
+    power = float(np.sum(error[:-1][inner] ** 2))
+    rho = float(np.sum(error[1:][inner] * error[:-1][inner])) / power if power else 0.0
     rho = min(max(rho, 0.0), 0.99)
-    return variance * (1 + rho) / (1 - rho) or np.finfo(float).tiny
+    return (1 + rho) / (1 - rho)
 
 
-def _fit(place: str, order: int, u: Signal, y: Floats, f: Block, where: Mask, slowest: float) -> Estimate:
+def _inflated(estimate: Estimate, factor: float) -> Estimate:
+    return estimate._replace(std=estimate.std * np.sqrt(factor), covariance=estimate.covariance * factor)
+
+
+def _starts(order: int, slowest: float) -> list[Floats]:
+    return [np.array([tau, (tau / 3) ** 2][:order]) for tau in slowest * np.array([0.2, 0.05, 0.6])]
+
+
+def _fit(place: str, order: int, u: Signal, y: Floats, f: Block, where: Mask, starts: list[Floats]) -> Estimate:
     """Return the best fit of several starts; values are (a₁, a₂)."""
 
     def residual(a: Floats) -> Floats:
@@ -132,11 +146,8 @@ def _fit(place: str, order: int, u: Signal, y: Floats, f: Block, where: Mask, sl
         return np.stack([r.values[where] for r in rates], axis=1)
 
     def attempts() -> Iterator[Estimate]:
-        for fraction in (0.2, 0.05, 0.6):
-            tau = slowest * fraction
-            start = [tau, (tau / 3) ** 2][:order]
-            low = 0.01 * u.dt
-            limits = [Parameter(f"a.{k + 1}", a, f"s**{k + 1}", lower=low ** (k + 1)) for k, a in enumerate(start)]
+        for start in starts:
+            limits = [Parameter(f"a.{k + 1}", a, f"s**{k + 1}", (0.01 * u.dt) ** (k + 1)) for k, a in enumerate(start)]
             yield least_squares(residual, tangent, limits, max_iterations=40, tolerance=1e-4)
 
     return min(attempts(), key=lambda e: e.chi2)

@@ -29,7 +29,7 @@ class PeriodAverage(NamedTuple):
     def table(self) -> Table:
         """Return one row: the averaged period in figures."""
         row = (len(self.phase), self.periods, float(f"{self.noise_std:.3g}"), float(f"{np.ptp(self.mean):.6g}"))
-        return Table("period average", ("samples a period", "periods", "noise std", "swing"), (row,))
+        return Table("Period average", ("samples a period", "periods", "noise std", "swing"), (row,))
 
 
 class Harmonics(NamedTuple):
@@ -53,7 +53,7 @@ class Harmonics(NamedTuple):
                 rows.append((int(k), Measured(float(value.real) if k == 0 else size, float(std)), phase))
         length = f"{self.periods} periods of {self.period:.6g} samples, orders to {self.order[-1]}"
         notes = (f"{length}, noise std {self.noise_std:.3g}",)
-        return Table("harmonics", ("order", "amplitude", "phase rad"), tuple(rows), notes)
+        return Table("Harmonics", ("order", "amplitude", "phase rad"), tuple(rows), notes)
 
 
 class SineFit(NamedTuple):
@@ -73,7 +73,7 @@ class SineFit(NamedTuple):
         """Return one row of the four numbers."""
         names = ("offset", "amplitude", "phase", "period")
         row = tuple(Measured(getattr(self, name), getattr(self, f"{name}_std")) for name in names)
-        return Table("sine", ("offset", "amplitude", "phase rad", "period samples"), (row,))
+        return Table("Sine", ("offset", "amplitude", "phase rad", "period samples"), (row,))
 
 
 def period_average(y: Floats, period: float, skip: int = 1, count: int = 20) -> PeriodAverage:

@@ -27,7 +27,7 @@ class Settle(NamedTuple):
         """Return one row, and a warning where the holds are too short."""
         warn = () if self.reached else ("not reached: the output still drifts in the second half of the holds; hold longer",)
         row = (round(self.settle, 4), round(self.truncation, 4), round(self.statistic, 2), self.dof, float(f"{self.p:.3g}"))
-        return Table("settling time", ("settle s", "truncation s", "χ²", "dof", "p"), (row,), warn)
+        return Table("Settling time", ("settle s", "truncation s", "χ²", "dof", "p"), (row,), warn)
 
 
 def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, margin: float = 1.5) -> Settle:
