@@ -1,5 +1,7 @@
 """Parts found in an input against the plan that made it: exact, rounded, quantised, noisy."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -79,7 +81,7 @@ def test_quantised_without_noise_flat_tops_are_no_levels():
 
 
 def test_equal_levels_up_and_down_get_one_value_under_noise():
-    plan, u = planned("design P, up and down")
+    _, u = planned("design P, up and down")
     found = find_parts(u + 0.004 * RNG(1).standard_normal(len(u)), DT)
     levels = [part.level for part in found if part.kind == "hold"]
     assert len(levels) == 31
@@ -92,8 +94,8 @@ def test_random_steps_are_holds():
     u = np.repeat(rng.uniform(-1, 1, 120), lengths)
     found = find_parts(u, DT)
     assert [part.length for part in found] == lengths.tolist()
-    assert all(part.direction == ("up" if b > a else "down")
-               for part, a, b in zip(found[1:], [p.level for p in found], [p.level for p in found[1:]], strict=False))  # fmt: skip
+    levels = [part.level for part in found]
+    assert [part.direction for part in found[1:]] == ["up" if b > a else "down" for a, b in pairwise(levels)]
 
 
 @pytest.mark.parametrize("shape", ["white", "ramp", "triangle", "chirp", "multisine", "coloured"])

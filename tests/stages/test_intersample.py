@@ -31,7 +31,7 @@ def simulated(plant, truth, seed, hold=1):
 def test_confusion(plant):
     for truth in TRUTHS:
         found = {d: [intersample(*simulated(plant, truth, seed), d) for seed in range(5)] for d in TRUTHS}
-        print(plant, truth, {d: [r.alternative or r.verdict for r in results][0] for d, results in found.items()})
+        print(plant, truth, {d: results[0].alternative or results[0].verdict for d, results in found.items()})
         assert all(r.verdict != "does not fit" for r in found[truth])  # the truth is never refused
         held_truth = truth in ("zoh", "discrete")
         for declared in TRUTHS:

@@ -92,8 +92,8 @@ def guarded(path: Path, read: Callable[[], Any]) -> Any:
     """Return read(), any stumble of a library over a foreign file turned into a named fault."""
     try:
         return read()
-    except WhidError:
-        raise
+    except WhidError as fault:
+        raise fault if fault.where else WhidError(fault.code, fault.message, path.name) from fault
     except Exception as fault:  # a damaged file makes zip, zlib, HDF5 and scipy raise whatever they like
         raise WhidError("data-unreadable", f"{type(fault).__name__}: {fault}"[:300], str(path)) from fault
 

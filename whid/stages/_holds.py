@@ -44,12 +44,16 @@ def least_bit(x: Floats) -> float:
 
 def find_holds(u: Floats, bit: float) -> list[Stretch]:
     """Return the stretches where u is constant, noise of a few bits (or a few per cent of the range) allowed."""
-    scatter = QUIET * float(np.ptp(u))
-    exact = _runs(u)
-    noisy = _merged(u, [piece for hold in _between_changes(u) for piece in _constant(u, hold, bit, scatter)], bit)
+    exact, scatter = _runs(u), QUIET * float(np.ptp(u))
+    noisy = _merged(u, [piece for hold in _between_changes(u) for piece in constant(u, hold, bit, 0, scatter)], bit)
     if exact and not _flickers(u, exact, bit) and _samples(exact) >= 0.9 * _samples(noisy):
         return exact
-    return [hold for hold in noisy if hold.stop - hold.start >= LONG or all(steps(u, hold, bit))]
+    return [hold for hold in noisy if believed(u, hold, bit)]
+
+
+def believed(u: Floats, hold: Stretch, bit: float) -> bool:
+    """Tell whether a noisy level is long, or short but between two steps."""
+    return hold.stop - hold.start >= LONG or all(steps(u, hold, bit))
 
 
 def steps(u: Floats, hold: Stretch, bit: float) -> tuple[bool, bool]:
@@ -119,8 +123,9 @@ def _peaks(score: Floats, group: Ints) -> list[int]:
     return sorted(peaks)
 
 
-def _constant(u: Floats, hold: Stretch, bit: float, scatter: float, depth: int = 0) -> list[Stretch]:
+def constant(u: Floats, hold: Stretch, bit: float, depth: int = 0, scatter: float | None = None) -> list[Stretch]:
     """Return the constant pieces of a stretch: itself, or what a cumulative sum splits it into."""
+    scatter = QUIET * float(np.ptp(u)) if scatter is None else scatter
     x = u[hold.start : hold.stop]
     n = len(x)
     if n < 2 * WINDOW or depth > 20:
@@ -135,7 +140,7 @@ def _constant(u: Floats, hold: Stretch, bit: float, scatter: float, depth: int =
     at = int(jump.argmax()) + 1
     if jump[at - 1] > SCORE * max(noise, 0.3 * bit):
         sides = Stretch(hold.start, hold.start + at), Stretch(hold.start + at, hold.stop)
-        return [piece for side in sides for piece in _constant(u, side, bit, scatter, depth + 1)]
+        return [piece for side in sides for piece in constant(u, side, bit, depth + 1, scatter)]
     white = noise**2 >= WHITE * spread**2
     return [hold] if white and spread <= max(scatter, 2 * bit) else []
 

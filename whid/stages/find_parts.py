@@ -8,7 +8,7 @@ from whid.experiments._part import Part, Use
 from whid.experiments.hold import Hold
 from whid.experiments.sine import Sine
 from whid.signal import Floats
-from whid.stages._holds import Stretch, find_holds, least_bit, steps
+from whid.stages._holds import Stretch, believed, constant, find_holds, least_bit, steps
 from whid.stages._sines import FIRST_WINDOW, Found, find_sines, fitted
 
 NEAR, PASSES = 32, 6  # samples about a border within which it is placed anew, and how often
@@ -37,6 +37,7 @@ def find_parts(u: Floats, dt: float, use: Use = "estimation") -> tuple[Part, ...
     firm = [hold for hold in holds if all(steps(u, hold, bit))]
     sines = [sine for gap in _gaps(firm, len(u)) for sine in find_sines(u, gap.start, gap.stop, bit)]
     left = [rest for hold in holds if (rest := _left_of(hold, sines)) is not None]
+    left += [hold for gap in _beside(sines, left, len(u)) for hold in constant(u, gap, bit) if believed(u, hold, bit)]
     pieces = _bordered(u, sorted([*left, *sines], key=lambda piece: piece.start))
     return _parts(u, pieces, bit, use)
 
@@ -48,6 +49,13 @@ def _left_of(hold: Stretch, sines: list[Found]) -> Stretch | None:
         if min(stop, sine.stop) - max(start, sine.start) > 0:
             start, stop = (sine.stop, stop) if sine.start <= start else (start, sine.start)
     return Stretch(start, stop) if 2 * (stop - start) > hold.stop - hold.start else None
+
+
+def _beside(sines: list[Found], holds: list[Stretch], samples: int) -> list[Stretch]:
+    """Return what is left free next to a sine: a level of the sine's mean does not show as a change of the mean."""
+    pieces = sorted([(sine.start, sine.stop) for sine in sines] + [tuple(hold) for hold in holds])
+    ends = {edge for sine in sines for edge in (sine.start, sine.stop)}
+    return [gap for gap in _gaps([Stretch(*piece) for piece in pieces], samples) if ends & {*gap}]
 
 
 def _gaps(holds: list[Stretch], samples: int) -> list[Stretch]:
