@@ -162,6 +162,15 @@ def test_a_stage_that_fails_keeps_those_before_it(tmp_path, fail, code, exit_cod
     assert retry.path.name == f"{result.path.name}.2"
 
 
+def test_faulty_data_are_a_fault_of_the_config_and_leave_nothing(tmp_path):
+    (tmp_path / "data.csv").write_text("u,y\n" + "0,1\n" * 40 + "1,oops\n")
+    source = DataSource(file=str(tmp_path / "data.csv"), dt=0.1)
+    with pytest.raises(WhidError, match=r"data\.csv") as fault:
+        flow.run(small_study(plant=None, experiment=(), data=source), tmp_path / "runs")
+    assert fault.value.exit_code == 2
+    assert list((tmp_path / "runs").iterdir()) == []
+
+
 def test_a_bug_leaves_its_traceback_in_the_log_only(tmp_path, capsys):
     result = flow.run(small_study(identify=SmallStudy(fail="bug")), tmp_path)
     assert "ZeroDivisionError" in (result.path / "log.txt").read_text()

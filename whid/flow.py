@@ -2,7 +2,7 @@
 
     obtain records ─► identify (stage by stage, wanted experiments served) ─► assess ─► check bounds ─► keep
 
-Every step is a call. A run that fails on the way keeps what was finished, with the reason.
+Every step is a call. A run that fails once it has its records keeps what was finished, with the reason.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def run(
 
     The same study on the same data is not run again: its finished result is returned, `reused`; `force` runs it into a
     sibling folder. A method that fails does not raise: the result has its `error` and every stage before it.
-    `watch(step, seconds)` is called after every step. Raises `WhidError` for a faulty config, a missing data file, a
-    study beyond `max_memory` (bytes), a folder that cannot be written.
+    `watch(step, seconds)` is called after every step. Raises `WhidError` for a faulty config, faulty data, a plant that
+    cannot be simulated, a study beyond `max_memory` (bytes), a folder that cannot be written.
     """
     study = config if isinstance(config, Study) else load_study(config, overrides)
     base = Path(config).parent if isinstance(config, (str, Path)) else Path()
@@ -66,7 +66,8 @@ def run(
         return replace(load(done), reused=True)
     with RunFolder(Path(out), stem) as folder:
         work = _Work(study, base, np.random.SeedSequence(study.seed), _Clock(folder.log, watch))
-        work.attempt(work.obtain, work.identify, work.assess)
+        work.obtain()
+        work.attempt(work.identify, work.assess)
         return _kept(work.result(origin), folder, work.clock)
 
 
