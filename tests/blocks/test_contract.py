@@ -11,13 +11,14 @@ from whid.blocks.chain import Chain
 from whid.kinds import plain, yaml_key
 from whid.signal import held
 
-COURSES = ("discrete", "zoh", "foh", "bandlimited")
+ALL = ("discrete", "zoh", "foh", "bandlimited")
+COURSES = ("discrete", "zoh", "foh", pytest.param("bandlimited", marks=pytest.mark.slow))
 CASES = [pytest.param(block, id=f"{kind}-{k}") for kind, blocks in EXAMPLES.items() for k, block in enumerate(blocks)]
 SAMPLES = 30
 
 
 def length(block: Block) -> int:
-    return 18 if block.kind == "feedback" else SAMPLES  # a loop goes sample by sample
+    return 14 if block.kind == "feedback" else SAMPLES  # a loop goes sample by sample
 
 
 def wave(seed: int, course: str, samples: int = SAMPLES, t0: float = 0.0, order: int = 8):
@@ -57,7 +58,7 @@ def test_every_kind_has_an_example_and_a_summary(kind):
     assert Block.named(kind).summary()
 
 
-@pytest.mark.parametrize("course", COURSES)
+@pytest.mark.parametrize("course", ALL)
 @pytest.mark.parametrize("block", CASES)
 def test_chunks_make_no_difference(block, course):
     tree, u = around(block, course), wave(1, course, length(block), order=order(block))
@@ -143,7 +144,7 @@ def test_the_input_is_unchanged(block, course):
 
 
 @pytest.mark.parametrize("course", ["discrete", "zoh"])
-@pytest.mark.parametrize("level", [-1.3, 0.0, 0.45, 1.9])
+@pytest.mark.parametrize("level", [-1.3, 0.0, 1.9])
 @pytest.mark.parametrize("block", CASES)
 def test_steady_is_the_end_of_a_long_hold(block, level, course):
     final, state = block.steady(level, DT)

@@ -110,14 +110,22 @@ def _preimages(before: tuple[Block, ...], b: float, grid: Floats) -> list[float]
 
 def _solved(loop: StaticLoop, u: Floats) -> Floats:
     """Solve e = u + sign·z(e) for every u, any shape: damped Newton, and one by one where that fails."""
-    shape, u = u.shape, np.array(u, float).ravel()
+    flat = np.array(u, float).ravel()
+    with np.errstate(all="ignore"):
+        e, r = _newton(loop, flat)
+    for n in np.flatnonzero(~(np.abs(r) <= 1e-12 * (np.abs(flat) + np.abs(e)))):
+        e[n] = _solved_alone(loop, float(flat[n]), float(e[n]))
+    return e.reshape(u.shape)
+
+
+def _newton(loop: StaticLoop, u: Floats) -> tuple[Floats, Floats]:
+    """Return e and the residual u + sign·z(e) − e that is left; a step that does not shrink it is cut."""
     e, (z, slope) = u.copy(), loop.around(u)
     r = z
     for _ in range(50):
         if not np.any(np.abs(r) > 1e-15 * (np.abs(u) + np.abs(z))):
             break
-        with np.errstate(all="ignore"):
-            step = r / (1 - slope)
+        step = r / (1 - slope)
         for _ in range(6):
             trial = e + step
             z_trial, slope_trial = loop.around(trial)
@@ -131,9 +139,7 @@ def _solved(loop: StaticLoop, u: Floats) -> Floats:
             break
         e, z = np.where(better, trial, e), np.where(better, z_trial, z)
         r, slope = np.where(better, r_trial, r), np.where(better, slope_trial, slope)
-    for n in np.flatnonzero(~(np.abs(r) <= 1e-12 * (np.abs(u) + np.abs(z)))):
-        e[n] = _solved_alone(loop, float(u[n]), float(e[n]))
-    return e.reshape(shape)
+    return e, r
 
 
 def _solved_alone(loop: StaticLoop, u: float, guess: float) -> float:
@@ -145,24 +151,32 @@ def root(residual: Callable[[float], float], guess: float, where: str) -> float:
 
     Raises `WhidError("feedback-no-solution")`.
     """
-    from scipy.optimize import brentq
+    with np.errstate(all="ignore"):
+        e = _secant(residual, guess)
+        return _bracketed(residual, guess, where) if e is None else e
 
+
+def _secant(residual: Callable[[float], float], guess: float) -> float | None:
     def small(r: float, e: float) -> bool:
         return abs(r) <= 1e-13 * (abs(e) + abs(guess)) + 1e-300
 
     e, r = guess, residual(guess)
-    e_next = e + r
+    if small(r, e):
+        return e
+    following = e + r
     for _ in range(20):
-        if small(r, e):
-            return e
-        r_next = residual(e_next)
-        if small(r_next, e_next) or r_next == r:
+        r_next = residual(following)
+        if small(r_next, following):
+            return following
+        if r_next == r or not np.isfinite(r_next):
             break
-        e, r, e_next = e_next, r_next, e_next - r_next * (e_next - e) / (r_next - r)
-        if not np.isfinite(e_next):
-            break
-    if np.isfinite(e_next) and small(residual(e_next), e_next):
-        return e_next
+        e, r, following = following, r_next, following - r_next * (following - e) / (r_next - r)
+    return None
+
+
+def _bracketed(residual: Callable[[float], float], guess: float, where: str) -> float:
+    from scipy.optimize import brentq
+
     r, width = residual(guess), abs(guess) + 1.0
     for reach in width * 2.0 ** np.arange(-20, 40):
         for far in (guess - reach, guess + reach):
