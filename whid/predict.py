@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from whid.blocks._block import Block, State
+from whid.errors import WhidError
+from whid.fit import Parameter, least_squares
 from whid.record import Record
 from whid.signal import Floats, Signal, held
 
@@ -31,11 +33,61 @@ def respond(tree: Block, u: Signal, initial: str = "rest", state: State = None) 
 def predict(tree: Block, record: Record, path: str = "exact") -> Floats:
     """Return ŷ of a record: the model driven by the record's input, as it is declared between samples.
 
+    With `initial: free` the state before the first sample is fitted to the record's own output (`free_state`).
+
     >>> from whid.blocks.linear import Linear
     >>> predict(Linear(num=(2.0,), den=(1.0, 1.0)), Record(u=np.ones(3), y=np.zeros(3), dt=1.0, initial="steady"))
     array([2., 2., 2.])
     """
-    return respond(tree, input_signal(tree, record, path), record.initial)[0]
+    u = input_signal(tree, record, path)
+    state = free_state(tree, u, record) if record.initial == "free" else None
+    return respond(tree, u, record.initial, state)[0]
+
+
+def free_state(tree: Block, u: Signal, record: Record, horizon: int = 20_000) -> State:
+    """Return the initial state that explains a record's first samples best, from the steady state of its first input.
+
+    min Σ (y − ŷ(x₀))² over the numbers in the tree's state, by differences (a state has few). What the output does not
+    show keeps its start. Rest where the tree has no steady state.
+    """
+    try:
+        start = tree.steady(float(u.values[0]), u.dt)[1]
+    except WhidError:
+        start = tree.step(u[:0])[1]
+    numbers, rebuild = _flattened(start)
+    head, known = u[: min(horizon, len(record))], record.mask[:horizon]
+
+    def residual(x: Floats) -> Floats:
+        return np.asarray((respond(tree, head, state=rebuild(x))[0] - record.y[: len(head.values)])[known])
+
+    def tangent(x: Floats) -> Floats:
+        steps = 1e-6 * np.maximum(np.abs(numbers), np.abs(numbers).max(initial=1e-3))
+        return np.stack([(residual(x + d) - residual(x - d)) / (2 * d.sum()) for d in np.diag(steps)], axis=1)
+
+    if not len(numbers) or not known.any():
+        return start
+    estimate = least_squares(residual, tangent, [Parameter(f"x.{k}", v) for k, v in enumerate(numbers)], tolerance=1e-4)
+    return rebuild(estimate.values)
+
+
+def _flattened(state: State) -> tuple[Floats, Callable[[Floats], State]]:
+    """Return the numbers in a state's arrays, however nested, and the way back."""
+    if isinstance(state, (list, tuple)):
+        inner = [_flattened(item) for item in state]
+        ends = np.cumsum([len(numbers) for numbers, _ in inner])[:-1]
+        back = [way for _, way in inner]
+        return (
+            np.concatenate([numbers for numbers, _ in inner]) if inner else np.empty(0),
+            lambda x: type(state)(way(part) for way, part in zip(back, np.split(x, ends), strict=True)),
+        )
+    if isinstance(state, np.ndarray) and state.dtype.kind in "fc":
+        if state.dtype.kind == "c":
+            n = state.size
+            return np.concatenate([state.real.ravel(), state.imag.ravel()]), lambda x: (x[:n] + 1j * x[n:]).reshape(
+                state.shape
+            )
+        return state.ravel().astype(float), lambda x: x.reshape(state.shape)
+    return np.empty(0), lambda x: state
 
 
 def input_signal(tree: Block, record: Record, path: str = "exact") -> Signal:
