@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.small_study import EXPERIMENT, PLANT, SmallStudy, bound, small_study
+from tests.small_study import EXPERIMENT, PLANT, Levels, SmallStudy, bound, small_study
 from whid import flow, plots
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
@@ -238,6 +238,13 @@ def test_a_wrong_intersample_is_warned_of_by_name():
     assert "`intersample: zoh` does not fit" in warning
     assert "`intersample: foh`" in warning
     assert list(flow._doubts([right])) == []
+
+
+def test_a_table_that_fails_costs_the_summary_only(tmp_path, monkeypatch):
+    monkeypatch.setattr(Levels, "table", lambda self: 1 / 0)
+    result = flow.run(small_study(), tmp_path)
+    assert "ZeroDivisionError" in (result.path / "summary.md").read_text()
+    assert flow.load(result.path).metrics == result.metrics
 
 
 SLOW = """

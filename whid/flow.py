@@ -30,7 +30,7 @@ from whid.files.result import read_result, write_result
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.methods._method import Wanted
-from whid.quantity import Measured
+from whid.quantity import Measured, Table
 from whid.record import Record
 from whid.residual import residual
 from whid.result import Asked, Check, Failure, Result, snake_case
@@ -214,7 +214,7 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
     pictures, faults = plots.draw(result, folder.path)
     clock.tick("pictures")
     result = replace(result, pictures=pictures, warnings=(*result.warnings, *faults))
-    result = replace(result, tables=summary.tables(result))
+    result = replace(result, tables=_tables(result))
     write_result(folder.path / "result.h5", result, score.units)
     folder.write("config.yaml", result.provenance["config"])
     folder.write("summary.md", summary.page(result))
@@ -227,6 +227,14 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
 
 def _published(table: Published) -> tuple[str, tuple[tuple[str, float | None, float | None], ...]]:
     return table.table, tuple((row.metric, row.truth, row.estimate) for row in table.rows)
+
+
+def _tables(result: Result) -> tuple[Table, ...]:
+    """Return the summary; what a stage's own table dies of must not cost the numbers."""
+    try:
+        return summary.tables(result)
+    except Exception as fault:
+        return (Table("Summary", (), (), (f"not made: {type(fault).__name__}: {fault}",)),)
 
 
 def _refuse_beyond(allowed: float, needed: float) -> None:

@@ -118,7 +118,7 @@ def fields(group: h5py.Group, tree: Callable[[Any], System]) -> dict[str, Any]:
 def _encoded(value: Any) -> tuple[Any, str]:
     """Return what is stored and the name of the Python type to return to."""
     if isinstance(value, System):
-        return json.dumps(plain(value), default=_complex), "system"
+        return json.dumps(plain(value), default=_other), "system"
     if isinstance(value, str):
         return value, "str"
     if isinstance(value, (bool, int, float, complex, np.generic)):
@@ -130,12 +130,13 @@ def _encoded(value: Any) -> tuple[Any, str]:
     except ValueError:  # ragged
         data = np.empty(0, object)
     if data.dtype.kind == "O" or isinstance(value, dict):
-        return json.dumps(plain(value), default=_complex), "json"
+        return json.dumps(plain(value), default=_other), "json"
     return data, "array" if isinstance(value, np.ndarray) else "tuple"
 
 
-def _complex(value: Any) -> Any:
-    return str(value).strip("()") if isinstance(value, complex) else np.asarray(value).tolist()
+def _other(value: Any) -> Any:
+    """Return what JSON has no word for: arrays as lists, complex numbers as configs write them, anything else as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value).strip("()")
 
 
 def _is_value(item: h5py.Group | h5py.Dataset) -> bool:
