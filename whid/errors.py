@@ -132,6 +132,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Check the wiring and `columns:`; see what the file holds with `whid ingest FILE`.",
         CONFIG,
     ),
+    "data-range": Explanation(
+        "A value is so large that it can be no measurement.",
+        "Correct the row, or mark it missing (an empty cell) and choose `missing: mask`.",
+        CONFIG,
+    ),
     "data-swapped": Explanation(
         "The declared output moves before the declared input: the two look swapped.",
         "Exchange `input:` and `output:` under `columns:`; for an inverse model say `causal: false`.",

@@ -10,14 +10,19 @@ from whid.signal import Floats
 from whid.stages.causality import causality
 
 FEWEST = 16  # samples
+HUGE = 1e60  # beyond it, and below one over it, squares of squares leave the range of a float
 STUCK = 0.2  # of the record: a last stretch without any change is worth a note
 HELD = 0.75  # of the samples equal to their predecessor: the column looks like a held command
 
 
 def check_alive(x: Floats, column: str, where: Where) -> None:
-    """Raise `WhidError("data-dead")` for a column that never changes."""
-    low, high = float(np.nanmin(x)), float(np.nanmax(x))
-    if high - low <= 1e-13 * max(abs(low), abs(high)):
+    """Raise `WhidError("data-dead")` for a column that never changes, `WhidError("data-range")` for one of no size."""
+    low, high = float(x.min()), float(x.max())
+    if max(-low, high) > HUGE:
+        raise WhidError(
+            "data-range", f"the {column} is {x[np.argmax(np.abs(x))]:.3g} here", where(int(np.argmax(np.abs(x))))
+        )
+    if high - low <= max(1e-13 * max(abs(low), abs(high)), 1 / HUGE):
         raise WhidError("data-dead", f"the {column} is {low:.6g} from the first row to the last", where(0))
 
 
@@ -42,8 +47,8 @@ def check_order_of_columns(u: Floats, y: Floats, where: Where) -> None:
 
 
 def held(x: Floats) -> float:
-    """Return the fraction of samples that equal their predecessor, where x has more than two values (a relay has two)."""
-    return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 2 else 0.0
+    """Return the fraction of samples that equal their predecessor, where x has more than three values (a relay has two, or three)."""
+    return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 3 else 0.0
 
 
 def stuck(u: Floats, y: Floats, where: Where) -> tuple[str, ...]:

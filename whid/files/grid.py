@@ -17,6 +17,7 @@ from whid.signal import Floats
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 JITTER = 0.01  # of a step, accepted with a note
+LONGEST = 1e15  # s
 GAP = 1.5  # steps: a longer one is taken for rows left out
 
 Where = Callable[[int], str]
@@ -33,10 +34,13 @@ class Grid(NamedTuple):
 
 
 def check_order(time: Floats, where: Where) -> None:
-    """Raise `WhidError` at the first time that is missing or does not increase."""
+    """Raise `WhidError` at the first time that is missing, absurd, or does not increase."""
     if not np.isfinite(time).all():
         row = int(np.flatnonzero(~np.isfinite(time))[0])
         raise WhidError("data-missing", "the time is missing", where(row))
+    if float(np.abs(time).max()) > LONGEST:
+        row = int(np.argmax(np.abs(time)))
+        raise WhidError("data-range", f"the time is {time[row]:.3g} s here", where(row))
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1

@@ -198,8 +198,8 @@ def _operate(source: DataSource, table: Table, series: Series, path: Path) -> tu
         series = operation.apply(series, table.scalars)
         words = [f"{key} {value}" for key, value in plain(operation).items() if key != "kind"]
         notes.append(f"operation {operation.kind}" + (f": {', '.join(words)}" if words else ""))
-        if not (np.isfinite(series.input).all() and np.isfinite(series.output).all()):
-            raise WhidError("data-operation", f"{operation.kind} left numbers that are not finite", path.name)
+        if not all(float(np.abs(x).max()) <= checks.HUGE for x in (series.input, series.output)):
+            raise WhidError("data-operation", f"{operation.kind} left numbers that are not finite, or huge", path.name)
     if not series.valid.all() and source.missing == "error":  # holes that a resampling met
         first = float(series.time[np.flatnonzero(~series.valid)[0]])
         raise WhidError(

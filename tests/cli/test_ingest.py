@@ -1,0 +1,70 @@
+"""`whid ingest`: what it prints can be used as it is."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from whid.blocks.linear import Linear
+from whid.cli.ingest import command
+from whid.config.yaml import parse
+from whid.errors import WhidError
+from whid.kinds import plain
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    u = np.repeat(np.concatenate([np.arange(-1, 1.1, 0.5), np.arange(0.5, -1.1, -0.5)]), 60)
+    u = np.concatenate([u, 0.5 + 0.25 * np.cos(2 * np.pi * np.arange(600) / 60)])
+    y = Linear(num=(1.0,), den=(0.5, 1.0))(u, 0.1) + 1e-3 * rng.standard_normal(len(u))
+    rows = "".join(f"{0.1 * k:.1f},{a!r},{b!r}\n" for k, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True)))
+    (tmp_path / "bench.csv").write_text("t,u [V],y [m/s]\n" + rows)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
+
+
+def test_shows_columns_parts_picture_and_a_block_that_loads(bench):
+    out = run("bench.csv").output
+    for words in ("bench.csv", "9 holds", "5 different levels, -1 … 1", "period 60", "10 Hz", "as declared"):
+        assert words in out
+    assert (bench / "bench-ingest.png").read_bytes()[:4] == b"\x89PNG"
+    block = parse(out.partition("# to paste into a config\n")[2], "block").value["data"]
+    assert plain(block)["columns"] == {"time": "t", "input": "u", "output": "y"}
+    assert plain(block)["units"] == {"input": "V", "output": "m/s"}
+
+
+def test_the_block_runs_as_a_config(bench):
+    from pathlib import Path
+
+    from whid.config.load import load_study
+    from whid.files.ingest import ingest
+
+    block = run("bench.csv").output.partition("# to paste into a config\n")[2]
+    (bench / "study.yaml").write_text(f"name: bench\n{block}identify: {{kind: wiener_hammerstein}}\n")
+    study = load_study(bench / "study.yaml")
+    assert len(ingest(study.data, Path()).record.parts) == 10
+    assert "9 holds" in run("study.yaml").output
+
+
+def test_json_is_one_object_and_writes_no_picture(bench):
+    found = json.loads(run("bench.csv", "--json").output)
+    assert found["data"]["parts"] == "auto"
+    assert [part["kind"] for part in found["parts"]] == ["hold"] * 9 + ["sine"]
+    assert len(found["sha256"]) == 64
+    assert not (bench / "bench-ingest.png").exists()
+    assert (run("bench.csv", "--json", "--out", "here.png"), (bench / "here.png").exists())[1]
+
+
+def test_columns_and_faults(bench):
+    assert "9 holds" in run("bench.csv", "--columns", "time=0,input=1,output=2").output
+    assert run("bench.csv", "--columns", "in=1").exit_code == 2
+    with pytest.raises(WhidError, match="no column 'v'"):
+        run("bench.csv", "--columns", "input=v,output=y")
+    with pytest.raises(WhidError, match="cannot write"):
+        run("bench.csv", "--out", "nowhere/here.png")
