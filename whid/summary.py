@@ -165,8 +165,10 @@ def _fit(result: Result) -> Table:
 
 
 def _metrics(result: Result) -> Table:
-    rows = tuple((name, value) for name, value in result.metrics.items() if name.split(".")[0] not in USES)
-    return Table("Metrics", ("metric", "value"), rows)
+    shown = {name: value for name, value in result.metrics.items() if name.split(".")[0] not in USES and "@" not in name}
+    single = sum("@" in name for name in result.metrics)
+    note = f"and {single} gains and phases at single frequencies, `front.gain@0.02`: in result.h5 and --json"
+    return Table("Metrics", ("metric", "value"), tuple(shown.items()), (note,) if single else ())
 
 
 def _asked(result: Result) -> Table:

@@ -188,7 +188,7 @@ def test_a4_identifiability_is_printed_with_its_reason():
     text = str(report.table())
     assert "rank 8 of 9" in text
     assert "rank 6 of 8" in text
-    assert "G_back(j0.18)" in text
+    assert "G_back at 0.18 rad/s: only harmonic 3" in text
     assert "makes no harmonic 3" in text
     # the null directions are delays: k·φ_i(ω) + φ_o(kω) does not see φ_i(ω) + aω, φ_o(ω) − aω, one a group of frequencies
     delay = np.r_[OMEGA, -BACK]

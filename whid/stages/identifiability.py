@@ -71,9 +71,9 @@ def identifiability(
         if k not in ks and not np.any(np.isclose(observed, k * w, rtol=1e-6))
     ]
     missing = [
-        f"G_back(j{k * w:.6g}): only harmonic {k} of the sine at {w:.6g} rad/s would reach it, "
-        f"and the nonlinearity makes no harmonic {k} there"
-        for w, k in unseen
+        f"G_back at {', '.join(f'{k * w:.6g}' for w, order in unseen if order == k)} rad/s: "
+        f"only harmonic {k} of a sine would reach it, and the nonlinearity makes no harmonic {k} there"
+        for k in dict.fromkeys(order for _, order in unseen)
     ]
     null = np.linalg.svd(matrix)[2][rank:] if matrix.size else np.eye(len(names))
     invariant = tuple(f"{_combination(row, names)}" for row in matrix)
