@@ -136,6 +136,7 @@ def _range(x: Any, bit: float) -> str:
 
 def _parts_tables(found: Ingested) -> list[Table]:
     """Return the levels in one row, every other part in its own."""
+    from whid.plots.ingest import summary
     from whid.quantity import Table
 
     record = found.record
@@ -143,9 +144,8 @@ def _parts_tables(found: Ingested) -> list[Table]:
     rows: list[tuple[Any, ...]] = []
     if levels:
         values, lengths = [part.level for part in levels], [part.length for part in levels]  # type: ignore[attr-defined]
-        text = f"{len(set(values))} different levels, {min(values):.4g} … {max(values):.4g}"
-        held = f"each {min(lengths) * record.dt:.4g} … {max(lengths) * record.dt:.4g} s"
-        rows.append((f"{len(levels)} holds", levels[0].start, levels[-1].stop, f"{text}; {held}", levels[0].use))
+        text = f"{len(set(values))} different, {_span(values)}; each {_span([n * record.dt for n in lengths])} s"
+        rows.append((summary(levels), levels[0].start, levels[-1].stop, text, levels[0].use))
     others = [part for part in record.parts if part.kind != "hold"]
     for part in others[:SHOWN]:
         keys = {k: v for k, v in _plain(part).items() if k not in ("kind", "start", "stop", "use")}
@@ -153,6 +153,11 @@ def _parts_tables(found: Ingested) -> list[Table]:
         rows.append((part.kind, part.start, part.stop, text, part.use))
     notes = (f"and {len(others) - SHOWN} more",) if len(others) > SHOWN else ()
     return [Table("parts", ("part", "start", "stop", "what", "use"), tuple(rows), notes)] if rows else []
+
+
+def _span(values: list[float]) -> str:
+    low, high = f"{min(values):.4g}", f"{max(values):.4g}"
+    return low if low == high else f"{low} … {high}"
 
 
 def _plain(value: Any) -> Any:

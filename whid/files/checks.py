@@ -47,7 +47,7 @@ def check_order_of_columns(u: Floats, y: Floats, where: Where) -> None:
 
 
 def held(x: Floats) -> float:
-    """Return the fraction of samples that equal their predecessor, where x has more than three values (a relay has two, or three)."""
+    """Return the fraction of samples that equal their predecessor; 0 for three values or fewer, as a relay gives."""
     return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 3 else 0.0
 
 

@@ -9,18 +9,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from whid.experiments._part import Part
-from whid.plots._style import GAP, MEASURED, MODEL, OTHER, QUIET, envelope, label
+from whid.plots._style import GAP, MEASURED, MODEL, QUIET, envelope, label
 from whid.record import Record
 
 SHADES = {"hold": ("#eef4fa", "#dbe8f4"), "sine": ("#fbeee6", "#f6dfd0")}
 OTHERS = ("#eef6f1", "#dcefe4")
-MOST_LABELS = 45
+MOST_LABELS, NARROW = 60, 0.008  # parts, share of the record: beyond, names would overlap
 
 
 def draw(record: Record, figure: Figure) -> None:
     """Draw u above y, every part shaded and, where there is room, named by its level or its period."""
     if len(record.parts) > 12:
         figure.set_size_inches(9.6, 4.8)
+    figure.set_layout_engine("none")  # it would make room for names of parts that hang over the edges
+    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.1, top=0.87, hspace=0.2)
     upper, lower = figure.subplots(2, 1, sharex=True)
     _shade(upper, record, named=True)
     _shade(lower, record, named=False)
@@ -37,7 +39,7 @@ def draw(record: Record, figure: Figure) -> None:
     upper.set_xlim(record.time[0], record.time[-1] + record.dt)
     title = f"{record.name}: {len(record)} samples, dt = {record.dt:.6g} s"
     found = summary(record.parts)
-    figure.suptitle(title + (f"; {found}" if found else ""), x=0.01, ha="left", fontsize=10)
+    upper.set_title(title + (f"; {found}" if found else ""), pad=32 if record.parts else 6)
 
 
 def summary(parts: Sequence[Part]) -> str:
@@ -56,17 +58,14 @@ def summary(parts: Sequence[Part]) -> str:
 def _shade(axes: Axes, record: Record, named: bool) -> None:
     axes.grid(False)
     few = len(record.parts) <= MOST_LABELS
+    digits = 2 - int(np.floor(np.log10(np.ptp(record.u))))  # names to a hundredth of the range
     for k, part in enumerate(record.parts):
         start, stop = (record.t0 + record.dt * (n or 0) for n in (part.start, part.stop))
         axes.axvspan(start, stop, color=SHADES.get(part.kind, OTHERS)[k % 2], linewidth=0, zorder=0)
-        if named and few:
-            text, turn = _name(part), 90 if len(record.parts) > 12 else 0
+        if named and few and part.length > NARROW * len(record):
+            level, period = getattr(part, "level", None), getattr(part, "period", None)
+            text = part.kind if period is None else f"P = {period:.5g}"
+            if level is not None:
+                text = f"{round(level, digits) + 0.0:g}"
             axes.annotate(text, ((start + stop) / 2, 1.02), xycoords=("data", "axes fraction"), ha="center", va="bottom",
-                          rotation=turn, fontsize=7, color=OTHER if part.kind == "sine" else QUIET)  # fmt: skip
-
-
-def _name(part: Part) -> str:
-    level, period = getattr(part, "level", None), getattr(part, "period", None)
-    if level is not None:
-        return f"{level:.4g}"
-    return f"{part.kind}\nP = {period:.6g}" if period is not None else part.kind
+                          rotation=90 if level is not None else 0, fontsize=7.5, color=QUIET)  # fmt: skip
