@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.blocks.examples import DT, EXAMPLES, LAG
-from whid.blocks._block import Block
+from whid.blocks._block import STEADY, Block
 from whid.blocks.chain import Chain
 from whid.kinds import plain, yaml_key
 from whid.signal import held
@@ -151,6 +151,24 @@ def test_steady_is_the_end_of_a_long_hold(block, level, course):
     hold = held(np.full(400, level), DT, course, order=order(block))
     near(block.step(hold)[0].values[-1], final, 1e-9)
     near(block.step(hold[:50], state)[0].values, np.full(50, final), 1e-9)
+
+
+@pytest.mark.parametrize("course", ["discrete", "zoh"])
+@pytest.mark.parametrize("block", CASES)
+def test_tangents_from_a_steady_start(block, course):
+    """The start itself moves with the input and with every number: all of it against finite differences."""
+    u, seed = (wave(k, course, 8, order=order(block)) for k in (1, 2))
+    names = [p.name for p in block.parameters(held=True)]
+    out = block.tangent(u, [seed], names, STEADY).tangents
+    near(block.step(u, STEADY)[0].values, block.step(u, block.steady(float(u.values[0]), DT)[1])[0].values, 1e-11)
+
+    def steadily(tree, values):
+        return tree.step(held(values, DT, course, order=u.order), tree.steady(float(values[0]), DT)[1])[0].values
+
+    assert_derivative(out[0].values, lambda x: steadily(block, u.values + x * seed.values))
+    for p, tangent in zip(block.parameters(held=True), out[1:], strict=True):
+        moved = lambda x, p=p: steadily(block.with_parameters({p.name: p.value + x}), u.values)  # noqa: E731
+        assert_derivative(tangent.values, moved, abs(p.value))
 
 
 @pytest.mark.parametrize("block", CASES)

@@ -30,6 +30,15 @@ class Free:
 Number = Annotated[float, Free()]
 
 
+def each(state: State, count: int) -> list[State]:
+    """Return the states of several blocks: one each, or the same start (rest, STEADY) for all.
+
+    >>> each(None, 2), each([1.0, 2.0], 2)
+    ([None, None], [1.0, 2.0])
+    """
+    return state if isinstance(state, list) else [state] * count
+
+
 class Tangents(NamedTuple):
     """What `Block.tangent` returns: the output, its derivatives, and the state to go on from."""
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import MinLen
 
-from whid.blocks._block import Block, State, Tangents
+from whid.blocks._block import Block, State, Tangents, each
 from whid.signal import Signal
 
 
@@ -33,7 +33,7 @@ class Chain(Block):
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Pass the chunk through every block in turn."""
         states = []
-        for block, s in zip(self.chain, _each(state, len(self.chain)), strict=True):
+        for block, s in zip(self.chain, each(state, len(self.chain)), strict=True):
             signal, s = block.step(signal, s)
             states.append(s)
         return signal, states
@@ -43,7 +43,7 @@ class Chain(Block):
         names = [name.split(".", 2) for name in wrt]
         order = sorted(range(len(wrt)), key=lambda j: int(names[j][1]))
         states, tangents = [], list(seeds)
-        for place, (block, s) in enumerate(zip(self.chain, _each(state, len(self.chain)), strict=True)):
+        for place, (block, s) in enumerate(zip(self.chain, each(state, len(self.chain)), strict=True)):
             own = [names[j][2] for j in order if int(names[j][1]) == place]
             signal, tangents, s = block.tangent(signal, tangents, own, s)
             states.append(s)
@@ -58,7 +58,3 @@ class Chain(Block):
             level, state = block.steady(level, dt)
             states.append(state)
         return level, states
-
-
-def _each(state: State, count: int) -> list[State]:
-    return state if isinstance(state, list) else [state] * count

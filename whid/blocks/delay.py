@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge
 
-from whid.blocks._block import Block, Free, State, Tangents
+from whid.blocks._block import STEADY, Block, Free, State, Tangents
 from whid.blocks._split import refined, value_at
 from whid.signal import NO_IMPULSES, Between, Floats, Impulses, Panels, Signal, Splits, held, joined, rule
 
@@ -35,13 +35,14 @@ class Delay(Block):
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Put the past before the chunk and read it later."""
         lag = _Lag.of(self.seconds, signal)
-        past = lag.past(signal) if state is None else state
+        past = state if isinstance(state, Signal) else lag.past(signal, state)
         return lag.read(joined(past, signal), exact=False), lag.kept(past, signal)
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Delay the seeds as well; with respect to the delay it is −dv/dt, the jumps of v as impulses."""
         lag = _Lag.of(self.seconds, signal)
-        past, seeds_past = state or (lag.past(signal), [lag.past(seed) for seed in seeds])
+        start = state if isinstance(state, tuple) else (lag.past(signal, state), [lag.past(seed, state) for seed in seeds])
+        past, seeds_past = start
         exact = bool(wrt) and not signal.sampled  # impulses need the borders of the panels even where nothing is cut
         whole = joined(past, signal)
         along = [lag.read(joined(p, seed), exact) for p, seed in zip(seeds_past, seeds, strict=True)]
@@ -68,10 +69,11 @@ class _Lag:
         samples = int(np.floor(seconds / signal.dt + 1e-9)) + 1
         return cls(samples, min(1.0, samples - seconds / signal.dt), signal.dt)
 
-    def past(self, signal: Signal) -> Signal:
-        """Return a past of rest."""
+    def past(self, signal: Signal, state: State) -> Signal:
+        """Return a past of rest, or (STEADY) of the signal's first value."""
+        level = signal.values[0] if state == STEADY and len(signal.values) else 0.0
         between: Between = "discrete" if signal.sampled else "zoh"
-        return Signal(np.zeros(self.samples), self.dt, signal.t0 - self.samples * self.dt, between, signal.order)
+        return Signal(np.full(self.samples, level), self.dt, signal.t0 - self.samples * self.dt, between, signal.order)
 
     def kept(self, past: Signal, signal: Signal) -> Signal:
         """Return the past of the next chunk, its panels made now so that no older chunk is kept alive."""

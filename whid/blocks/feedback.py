@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from whid.blocks._block import Block, State, Tangents
+from whid.blocks._block import STEADY, Block, State, Tangents
 from whid.blocks._loop import StaticLoop, error, memoryless, root, static_tangent
 from whid.blocks._split import pointwise, total
 from whid.signal import Floats, Signal, joined
@@ -48,7 +48,7 @@ class Feedback(Block):
         if self._instant:
             return self.forward.step(error(self._static, signal))[0], None
         passed = []
-        loop = state or _Loop()
+        loop = state if isinstance(state, _Loop) else self._started(signal, state)
         for n in range(len(signal.values)):
             u = signal[n : n + 1]
             z = loop.z if self.solve == "delay" else self._solved(u, loop)
@@ -66,7 +66,14 @@ class Feedback(Block):
             return Tangents(*static_tangent(self._static, signal, seeds, wrt), None)
         zero = signal.with_values(np.zeros(len(signal.values)), "discrete" if signal.sampled else "zoh")
         inputs = [*seeds, *[zero] * len(wrt)]
-        plain, tangents, dz = state or (_Loop(), _Loop(), np.zeros(len(inputs)))
+        if isinstance(state, tuple):
+            plain, tangents, dz = state
+        else:
+            plain = tangents = self._started(signal, state)
+            dz = np.zeros(len(inputs))
+            if state == STEADY:
+                e = _plus(signal[:1], self.sign * plain.z)
+                dz = self._solved_rates(e, [seed[:1] for seed in inputs], wrt, plain)
         outputs, rates = [], []
         for n in range(len(signal.values)):
             u, du = signal[n : n + 1], [seed[n : n + 1] for seed in inputs]
@@ -100,6 +107,11 @@ class Feedback(Block):
     @property
     def _static(self) -> StaticLoop:
         return StaticLoop(self.forward, self.back, self.sign)
+
+    def _started(self, u: Signal, state: State) -> _Loop:
+        """Return a loop at rest, or (STEADY) with both blocks steady: then what comes back is known already."""
+        loop = _Loop(state, state)
+        return loop._replace(z=self._solved(u[:1], loop)) if state == STEADY else loop
 
     def _stepped(self, e: Signal, loop: _Loop) -> _Loop:
         y, forward = self.forward.step(e, loop.forward)

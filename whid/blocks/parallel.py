@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import MinLen
 
-from whid.blocks._block import Block, State, Tangents
+from whid.blocks._block import Block, State, Tangents, each
 from whid.blocks._split import total
 from whid.signal import Signal
 
@@ -34,8 +34,7 @@ class Parallel(Block):
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Pass the chunk through every branch and add."""
-        states = state or [None] * len(self.parallel)
-        passed = [block.step(signal, s) for block, s in zip(self.parallel, states, strict=True)]
+        passed = [block.step(signal, s) for block, s in zip(self.parallel, each(state, len(self.parallel)), strict=True)]
         return total([out for out, _ in passed]), [s for _, s in passed]
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
@@ -43,7 +42,7 @@ class Parallel(Block):
         names = [name.split(".", 2) for name in wrt]
         found: list[Signal | None] = [None] * len(wrt)
         passed = []
-        for place, (block, s) in enumerate(zip(self.parallel, state or [None] * len(self.parallel), strict=True)):
+        for place, (block, s) in enumerate(zip(self.parallel, each(state, len(self.parallel)), strict=True)):
             mine = [j for j, name in enumerate(names) if int(name[1]) == place]
             passed.append(block.tangent(signal, seeds, [names[j][2] for j in mine], s))
             for j, own in zip(mine, passed[-1].tangents[len(seeds) :], strict=True):

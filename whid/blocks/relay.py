@@ -44,12 +44,12 @@ class Relay(Block):
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Switch at the samples and, where the signal lives between them, at its crossings."""
-        run = _Run(self, signal, bool(state))
+        run = _Run(self, signal, state is True)
         return run.output(self.off, self.on), run.last
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Return 0 along every seed but for the impulses where a switching moves in time; off and on act where they hold."""
-        run = _Run(self, signal, bool(state))
+        run = _Run(self, signal, state is True)
         along = [run.moved(seed, "") for seed in seeds] + [run.moved(None, name) for name in wrt]
         return Tangents(run.output(self.off, self.on), along, run.last)
 
