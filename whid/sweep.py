@@ -25,7 +25,7 @@ from whid.files.provenance import provenance
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.files.sweep_file import read_sweep, write_sweep
-from whid.quantity import Measured, Table
+from whid.quantity import Cell, Measured, Table
 from whid.result import Check
 from whid.score import units
 from whid.tables import cell as as_text
@@ -71,7 +71,7 @@ class SweepResult:
         """
         named = list(dict.fromkeys([*metrics, *(check.metric for check in self.checks)]))
         chosen = named or [name for name in self.values if "@" not in name]
-        rows = []
+        rows: list[tuple[Cell, ...]] = []
         for c in range(len(self.errors)):
             place = tuple(as_text(values[c]) for values in self.over.values())
             for name in chosen:

@@ -26,4 +26,4 @@ class White(Disturbance):
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return 1 at lag 0, nothing elsewhere."""
-        return np.eye(1, lags)[0]
+        return np.asarray(np.eye(1, lags)[0], float)

@@ -14,7 +14,6 @@ from whid.experiments._part import Part
 from whid.experiments.hold import Hold
 from whid.signal import Floats
 
-
 LEVELS = 100_000  # a plan holds one part a level
 
 
