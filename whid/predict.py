@@ -78,7 +78,9 @@ def _flattened(state: State) -> tuple[Floats, Callable[[Floats], State]]:
         back = [way for _, way in inner]
         return (
             np.concatenate([numbers for numbers, _ in inner]) if inner else np.empty(0),
-            lambda x: type(state)(way(part) for way, part in zip(back, np.split(x, ends), strict=True)),
+            lambda x: getattr(state, "_make", type(state))(
+                [way(part) for way, part in zip(back, np.split(x, ends), strict=True)]
+            ),
         )
     if isinstance(state, np.ndarray) and state.dtype.kind in "fc":
         if state.dtype.kind == "c":
