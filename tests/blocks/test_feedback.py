@@ -79,3 +79,13 @@ def test_steady_state_is_the_root_of_the_loop():
     lag = Linear(num=(2.0,), den=(1.0, 1.0))
     y, _ = Feedback(forward=lag, back=Polynomial(coefficients=(0.0, 0.0, 0.0, 1.0))).steady(1.0, 0.1)
     assert y == pytest.approx(2 * (1 - y**3), abs=1e-12)
+
+
+def test_what_comes_back_belongs_to_a_free_start():
+    """A loop released from a level: the start is found from the output, the delayed sample included."""
+    from whid.predict import predict
+    from whid.record import Record
+
+    loop, u = Feedback(forward=Linear(num=(1.0,), den=(1.0, 1.0))), np.zeros(30)
+    y = loop.step(held(u, 0.2, "zoh"), loop.steady(3.0, 0.2)[1])[0].values
+    np.testing.assert_allclose(predict(loop, Record(u=u, y=y, dt=0.2, initial="free")), y, atol=1e-9)

@@ -54,7 +54,7 @@ class Feedback(Block):
             z = loop.z if self.solve == "delay" else self._solved(u, loop)
             y, forward = self.forward.step(_plus(u, self.sign * z), loop.forward)
             w, back = (y, None) if self.back is None else self.back.step(y, loop.back)
-            loop = _Loop(forward, back, float(w.values[0]))
+            loop = _Loop(forward, back, w.values[:1])
             passed.append(y)
         return joined(*passed), loop
 
@@ -94,9 +94,9 @@ class Feedback(Block):
         def rest(e: float) -> tuple[float, _Loop]:
             y, forward = self.forward.steady(e, dt)
             z, back = (y, None) if self.back is None else self.back.steady(y, dt)
-            return y, _Loop(forward, back, z)
+            return y, _Loop(forward, back, np.array([z]))
 
-        e = root(lambda e: level + self.sign * rest(e)[1].z - e, level, "at rest")
+        e = root(lambda e: level + self.sign * float(rest(e)[1].z[0]) - e, level, "at rest")
         y, loop = rest(e)
         return y, None if self._instant else loop
 
@@ -116,16 +116,16 @@ class Feedback(Block):
     def _stepped(self, e: Signal, loop: _Loop) -> _Loop:
         y, forward = self.forward.step(e, loop.forward)
         w, back = (y, None) if self.back is None else self.back.step(y, loop.back)
-        return _Loop(forward, back, float(w.values[0]))
+        return _Loop(forward, back, w.values[:1])
 
-    def _solved(self, u: Signal, loop: _Loop) -> float:
+    def _solved(self, u: Signal, loop: _Loop) -> Floats:
         """Return z at a sample: the e that gives itself back, the states before the sample given."""
         trial = _only(u)
 
         def residual(e: float) -> float:
-            return float(u.values[0]) + self.sign * self._stepped(trial.with_values(np.array([e])), loop).z - e
+            return float(u.values[0]) + self.sign * float(self._stepped(trial.with_values(np.array([e])), loop).z[0]) - e
 
-        e = root(residual, float(u.values[0]) + self.sign * loop.z, f"at t = {u.t0:g} s")
+        e = root(residual, float(u.values[0] + self.sign * loop.z[0]), f"at t = {u.t0:g} s")
         return self._stepped(trial.with_values(np.array([e])), loop).z
 
     def _round(
@@ -134,7 +134,7 @@ class Feedback(Block):
         """Go round once with the derivatives: every column is a seed, and a block's own numbers add to theirs."""
         y, dy, forward = _added(self.forward, e, de, wrt, "forward.", loop.forward)
         w, dw, back = (y, dy, None) if self.back is None else _added(self.back, y, dy, wrt, "back.", loop.back)
-        return y, dy, _Loop(forward, back, float(w.values[0])), np.array([d.values[0] for d in dw])
+        return y, dy, _Loop(forward, back, w.values[:1]), np.array([d.values[0] for d in dw])
 
     def _solved_rates(self, e: Signal, du: Sequence[Signal], wrt: Sequence[str], loop: _Loop) -> Floats:
         """Return dz at a sample: it is affine in de, so two rounds give its slope g, and dz = dz₀/(1 − sign·g)."""
@@ -149,10 +149,10 @@ class _Loop(NamedTuple):
 
     forward: Any = None
     back: Any = None
-    z: float = 0.0
+    z: Floats = np.zeros(1)  # an array: a number that a free initial state may change
 
 
-def _plus(signal: Signal, level: float) -> Signal:
+def _plus(signal: Signal, level: Floats | float) -> Signal:
     return pointwise(lambda values: values + level, [signal], lambda courses: courses[0].impulses)
 
 
