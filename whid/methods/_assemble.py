@@ -43,6 +43,20 @@ def visits(records: Sequence[Record]) -> list[Visit]:
     return found
 
 
+def by_rate(found: Sequence[Visit]) -> dict[float, list[Visit]]:
+    """Return the visits of each sampling time, the one with most visits first."""
+    rates = sorted({v.dt for v in found}, key=lambda dt: -sum(v.dt == dt for v in found))
+    return {dt: [v for v in found if v.dt == dt] for dt in rates}
+
+
+def joined(curves: Sequence[StaticCurve]) -> StaticCurve:
+    """Return all levels as one curve; what describes the noise is that of the first."""
+    arrays = {
+        name: np.concatenate([getattr(c, name) for c in curves]) for name in ("level", "mean", "mean_std", "direction")
+    }
+    return curves[0]._replace(**arrays, samples=np.concatenate([c.samples for c in curves]))
+
+
 def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
     """Return f as pieces, or through the levels where pieces do not describe it (χ² rejects them at 1e-3)."""
     if pieces.p >= 1e-3 or len(curve.level) < 3:

@@ -57,11 +57,11 @@ class WienerHammerstein(Method):
         visits = assemble.visits(records)
         if len(visits) < 2:
             raise WhidError("method-no-levels", "wiener_hammerstein needs a staircase: two constant levels or more")
-        settle = settle_time([v.y for v in visits], visits[0].dt)
-        yield settle
-        seconds = self.settle_s or settle.settle
-        level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
-        curve = level_means([v.y for v in visits], level, direction, visits[0].dt, seconds)
+        rates = assemble.by_rate(visits)  # one noise model a sampling time
+        settles = [settle_time([v.y for v in same], dt) for dt, same in rates.items()]
+        yield from settles
+        seconds = self.settle_s or max(settle.settle for settle in settles)
+        curve = assemble.joined([_levels(same, dt, seconds) for dt, same in rates.items()])
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
             yield branch_gap(curve)
@@ -130,3 +130,8 @@ class WienerHammerstein(Method):
                 "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"
             )
         return tuple(missing)
+
+
+def _levels(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
+    level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
+    return level_means([v.y for v in visits], level, direction, dt, settle)
