@@ -37,14 +37,14 @@ def rule(q: int) -> Rule:
     True
     """
     x, weights = legendre.leggauss(q)
-    to_legendre = np.linalg.inv(legendre.legvander(x, q - 1))
+    to_legendre = np.asarray(np.linalg.inv(legendre.legvander(x, q - 1)), np.float64)
     return Rule((x + 1) / 2, weights / 2, to_legendre, legendre.legvander(np.array([-1.0, 1.0]), q - 1) @ to_legendre)
 
 
 class Splits(NamedTuple):
     """Sub-panels of the intervals that are not smooth, sorted by interval, then start; they tile their interval."""
 
-    index: Ints  # (m,) interval
+    index: Ints  # type: ignore[assignment]  # (m,) interval; hides tuple.index, which nobody needs here
     start: Floats  # (m,) in [0, 1)
     width: Floats  # (m,)
     values: Floats  # (q, m) at start + width·nodes
@@ -53,7 +53,7 @@ class Splits(NamedTuple):
 class Impulses(NamedTuple):
     """Dirac impulses (only tangents have them: the derivative of a jump that moves in time)."""
 
-    index: Ints  # (m,) interval
+    index: Ints  # type: ignore[assignment]  # (m,) interval; hides tuple.index, which nobody needs here
     at: Floats  # (m,) in [0, 1]
     area: Floats  # (m,) signal units × s
 
