@@ -51,10 +51,8 @@ def by_rate(found: Sequence[Visit]) -> dict[float, list[Visit]]:
 
 def joined(curves: Sequence[StaticCurve]) -> StaticCurve:
     """Return all levels as one curve; what describes the noise is that of the first."""
-    arrays = {
-        name: np.concatenate([getattr(c, name) for c in curves]) for name in ("level", "mean", "mean_std", "direction")
-    }
-    return curves[0]._replace(**arrays, samples=np.concatenate([c.samples for c in curves]))
+    each = ("level", "mean", "mean_std", "direction", "samples", "drifting")
+    return curves[0]._replace(**{name: np.concatenate([getattr(curve, name) for curve in curves]) for name in each})
 
 
 def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
