@@ -6,7 +6,7 @@ Both return the same `Estimate`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -97,45 +97,112 @@ def least_squares(
     >>> round(fit.value("rate"), 9), fit.why_stop
     (0.3, 'converged')
     """
+    w = 1.0 if weights is None else weights
+
+    def cost(theta: Floats) -> float:
+        r = w * residual(theta)
+        return float(r @ r)
+
+    def linearise(theta: Floats) -> Triangle:
+        return Triangle.of(tangent(theta) * np.asarray(w)[..., None], w * residual(theta))
+
+    return minimise(
+        cost, linearise, parameters, known=weights is not None, max_iterations=max_iterations, tolerance=tolerance,
+        watch=watch,
+    )  # fmt: skip
+
+
+class Triangle(NamedTuple):
+    """A linearised problem, p + 1 numbers a parameter instead of m: R of the QR factorisation of [J | r]."""
+
+    r: Floats  # (p, p)
+    projected: Floats  # (p,) Qᵀr
+    rest: float  # what no step of the parameters can take from χ²
+    samples: int
+
+    @property
+    def chi2(self) -> float:
+        """Return Σ r²."""
+        return float(self.projected @ self.projected) + self.rest
+
+    @classmethod
+    def of(cls, jacobian: Floats, r: Floats) -> Triangle:
+        """Reduce a whole problem at once."""
+        return cls.stacked([np.column_stack([jacobian, r])])
+
+    @classmethod
+    def stacked(cls, rows: Iterable[Floats]) -> Triangle:
+        """Reduce a problem whose rows [J | r] come in chunks: no more than one chunk is ever kept."""
+        both, samples = None, 0
+        for part in rows:
+            samples += len(part)
+            both = np.linalg.qr(part if both is None else np.vstack([both, part]), mode="r")
+        if both is None:
+            raise ValueError("a least-squares problem needs rows")
+        p = both.shape[1] - 1
+        both = np.pad(both, ((0, max(0, p + 1 - len(both))), (0, 0)))
+        return cls(both[:p, :p], both[:p, p], float(both[p:, p] @ both[p:, p]), samples)
+
+    def columns(self, keep: NDArray[np.bool_]) -> Triangle:
+        """Return the problem with some of its parameters held."""
+        if keep.all():
+            return self
+        tail = np.append(np.zeros(int(keep.sum())), np.sqrt(self.rest))
+        reduced = Triangle.stacked([np.vstack([np.column_stack([self.r[:, keep], self.projected]), tail])])
+        return reduced._replace(samples=self.samples)
+
+
+def minimise(
+    cost: Callable[[Floats], float],
+    linearise: Callable[[Floats], Triangle],
+    parameters: Sequence[Parameter],
+    *,
+    known: bool = True,
+    max_iterations: int = 100,
+    tolerance: float = 1e-8,
+    watch: Callable[[int, float, Floats], None] | None = None,
+) -> Estimate:
+    """Minimise a sum of squares that is seen only reduced: its value and its `Triangle` at θ (see `least_squares`).
+
+    known: the residuals are in units of their standard deviation; else the covariance is scaled by χ²/dof.
+    """
     lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
     theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
-    w = 1.0 if weights is None else weights
-    r = w * residual(theta)
-    chi2 = float(r @ r)
+    here = linearise(theta)
     why: WhyStop = "iteration limit"
     mu, nu, iteration = 1e-3, 2.0, 0
-    jacobian = _weighted(tangent(theta), w)
     try:
         for iteration in range(1, max_iterations + 1):
-            free = ~(((theta <= lower) & (jacobian.T @ r > 0)) | ((theta >= upper) & (jacobian.T @ r < 0)))
-            scale = np.linalg.norm(jacobian, axis=0)
+            slope = here.r.T @ here.projected
+            free = ~(((theta <= lower) & (slope > 0)) | ((theta >= upper) & (slope < 0)))
+            active = here.columns(free)
+            scale = np.linalg.norm(active.r, axis=0)
             scale[scale == 0] = 1.0
             step = np.zeros_like(theta)
-            q_r, triangle = _reduced(jacobian[:, free] / scale[free], r)
-            variance = chi2 / max(len(r) - len(theta), 1) if weights is None else 1.0
-            if q_r @ q_r <= max(tolerance**2 * variance, 1e-13 * chi2):  # what an undamped step would still gain
-                step[free] = _solve(triangle, -q_r)[0] / scale[free]
+            variance = 1.0 if known else here.chi2 / max(here.samples - len(theta), 1)
+            gain = float(active.projected @ active.projected)  # what an undamped step would still gain
+            if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2):
+                step[free] = _solve(active.r / scale, -active.projected)[0] / scale
                 theta, why = np.clip(theta + step, lower, upper), "converged"
                 break
-            stacked = np.concatenate([triangle, np.sqrt(mu) * np.eye(triangle.shape[1])])
-            target = np.concatenate([-q_r, np.zeros(triangle.shape[1])])
-            step[free] = np.linalg.lstsq(stacked, target, rcond=None)[0] / scale[free]
+            stacked = np.concatenate([active.r / scale, np.sqrt(mu) * np.eye(len(scale))])
+            target = np.concatenate([-active.projected, np.zeros(len(scale))])
+            step[free] = np.linalg.lstsq(stacked, target, rcond=None)[0] / scale
             trial = np.clip(theta + step, lower, upper)
             if np.all(np.abs(trial - theta) <= 1e-15 * (np.abs(theta) + 1e-15)):
                 why = "small step"
                 break
             with np.errstate(all="ignore"):
-                r_trial = w * residual(trial)
-                chi2_trial = float(r_trial @ r_trial)
-            predicted = chi2 - float(np.sum((r + jacobian @ (trial - theta)) ** 2))
-            if np.isfinite(chi2_trial) and chi2_trial < chi2:
-                gain = (chi2 - chi2_trial) / predicted if predicted > 0 else 1.0
-                mu *= max(1 / 3, 1 - (2 * gain - 1) ** 3)
+                reached = cost(trial)
+            left = here.projected + here.r @ (trial - theta)
+            predicted = float(here.projected @ here.projected - left @ left)
+            if np.isfinite(reached) and reached < here.chi2:
+                ratio = (here.chi2 - reached) / predicted if predicted > 0 else 1.0
+                mu *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
                 nu = 2.0
-                theta, r, chi2 = trial, r_trial, chi2_trial
-                jacobian = _weighted(tangent(theta), w)
+                theta, here = trial, linearise(trial)
                 if watch is not None:
-                    watch(iteration, chi2, theta)
+                    watch(iteration, here.chi2, theta)
             else:
                 if mu > 1e12:
                     why = "no decrease"
@@ -144,19 +211,9 @@ def least_squares(
                 nu *= 2
     except KeyboardInterrupt:
         why = "interrupted"
-    _, covariance, rank, null = _solve(jacobian, r)
+    _, covariance, rank, null = _solve(here.r, here.projected)
     names = tuple(p.name for p in parameters)
-    return _estimate(names, theta, covariance, rank, null, chi2, len(r), weights is None, iteration, why)
-
-
-def _weighted(jacobian: Floats, w: Floats | float) -> Floats:
-    return np.asarray(jacobian * np.asarray(w)[..., None])
-
-
-def _reduced(jacobian: Floats, r: Floats) -> tuple[Floats, Floats]:
-    """Return Qᵀr and R of the QR factorisation: everything a step needs, p numbers instead of m."""
-    q, triangle = np.linalg.qr(jacobian)
-    return q.T @ r, triangle
+    return _estimate(names, theta, covariance, rank, null, here.chi2, here.samples, not known, iteration, why)
 
 
 def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
