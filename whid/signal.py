@@ -44,7 +44,7 @@ def rule(q: int) -> Rule:
 class Splits(NamedTuple):
     """Sub-panels of the intervals that are not smooth, sorted by interval, then start; they tile their interval."""
 
-    index: Ints  # type: ignore[assignment]  # (m,) interval; hides tuple.index, which nobody needs here
+    interval: Ints  # (m,)
     start: Floats  # (m,) in [0, 1)
     width: Floats  # (m,)
     values: Floats  # (q, m) at start + width·nodes
@@ -53,7 +53,7 @@ class Splits(NamedTuple):
 class Impulses(NamedTuple):
     """Dirac impulses (only tangents have them: the derivative of a jump that moves in time)."""
 
-    index: Ints  # type: ignore[assignment]  # (m,) interval; hides tuple.index, which nobody needs here
+    interval: Ints  # (m,)
     at: Floats  # (m,) in [0, 1]
     area: Floats  # (m,) signal units × s
 
@@ -116,11 +116,11 @@ class Signal:
 def cut(panels: Panels, first: int, last: int) -> Panels:
     """Return the panels of the intervals first … last − 1, renumbered from 0."""
     s, i = panels.splits, panels.impulses
-    low, high = np.searchsorted(s.index, (first, last))
-    hit = (i.index >= first) & (i.index < last)
+    low, high = np.searchsorted(s.interval, (first, last))
+    hit = (i.interval >= first) & (i.interval < last)
     keep = slice(low, high)
-    splits = Splits(s.index[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if high > low else NO_SPLITS
-    return Panels(panels.values[:, first:last], splits, Impulses(i.index[hit] - first, i.at[hit], i.area[hit]))
+    splits = Splits(s.interval[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if high > low else NO_SPLITS
+    return Panels(panels.values[:, first:last], splits, Impulses(i.interval[hit] - first, i.at[hit], i.area[hit]))
 
 
 def held(values: Floats, dt: float, intersample: str, t0: float = 0.0, order: int = 4) -> Signal:
@@ -156,10 +156,14 @@ def joined(*signals: Signal) -> Signal:
 def _joined(panels: list[Panels]) -> Panels:
     first = np.cumsum([0, *(p.values.shape[1] for p in panels)])
     splits = [
-        p.splits._replace(index=p.splits.index + n) for p, n in zip(panels, first, strict=False) if len(p.splits.index)
+        p.splits._replace(interval=p.splits.interval + n)
+        for p, n in zip(panels, first, strict=False)
+        if len(p.splits.interval)
     ]
     hits = [
-        p.impulses._replace(index=p.impulses.index + n) for p, n in zip(panels, first, strict=False) if len(p.impulses.at)
+        p.impulses._replace(interval=p.impulses.interval + n)
+        for p, n in zip(panels, first, strict=False)
+        if len(p.impulses.at)
     ]
     return Panels(
         np.concatenate([p.values for p in panels], axis=1),

@@ -130,7 +130,7 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
         drive = r.gamma[:, None] * signal.values
     else:
         drive = r.inner.state_w @ signal.panels.values
-        if len(signal.panels.splits.index) or len(signal.panels.impulses.index):
+        if len(signal.panels.splits.interval) or len(signal.panels.impulses.interval):
             _correct(r, signal.panels, signal.dt, drive)
     x = np.empty((s, n), drive.dtype)
     last = np.empty(s, drive.dtype)
@@ -149,14 +149,14 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
 def _correct(r: Realised, panels: Panels, dt: float, drive: NDArray[Any]) -> None:
     """Replace the drive of split intervals by the sum over their sub-panels; add impulses."""
     s, i = panels.splits, panels.impulses
-    if len(s.index):
-        drive[:, s.index] = 0.0
+    if len(s.interval):
+        drive[:, s.interval] = 0.0
         rest = 1 - (s.start + s.width * rule(len(s.values)).nodes[:, None])
         weight = rule(len(s.values)).weights[:, None] * s.width * s.values
         for k in range(len(drive)):
-            np.add.at(drive[k], s.index, (_series(r.inner.kernel[:, k], rest) * weight).sum(axis=0))
+            np.add.at(drive[k], s.interval, (_series(r.inner.kernel[:, k], rest) * weight).sum(axis=0))
     for k in range(len(drive)):
-        np.add.at(drive[k], i.index, _series(r.inner.kernel[:, k], 1 - i.at) / dt * i.area)
+        np.add.at(drive[k], i.interval, _series(r.inner.kernel[:, k], 1 - i.at) / dt * i.area)
 
 
 def _series(coefficients: NDArray[Any], tau: Floats) -> NDArray[Any]:
@@ -172,7 +172,7 @@ def _between(r: Realised, signal: Signal, x: NDArray[Any]) -> Panels:
     dense = free + r.inner.nodes_w @ panels.values + r.d * panels.values
     s, i = panels.splits, panels.impulses
     through = i._replace(area=r.d * i.area) if r.d else NO_IMPULSES
-    if not len(s.index):
+    if not len(s.interval):
         return Panels(dense, impulses=through)
     return Panels(dense, s._replace(values=_inside(r, s, i, x, signal.dt)), through)
 
@@ -184,21 +184,21 @@ def _inside(r: Realised, s: Splits, i: Impulses, x: NDArray[Any], dt: float) -> 
     t = s.start + s.width * nodes[:, None]  # (q, m)
     out = np.zeros_like(t)
     for k in range(len(x)):
-        out += np.real(_series(r.inner.flow_c[:, k], t) * x[k, s.index])
+        out += np.real(_series(r.inner.flow_c[:, k], t) * x[k, s.interval])
     for node in range(q):  # the part of the own sub-panel before each node
-        inner = nodes[node] * nodes[:, None] * np.ones(len(s.index))
+        inner = nodes[node] * nodes[:, None] * np.ones(len(s.interval))
         lag = nodes[node] * s.width * (1 - nodes[:, None])
         part = _series(r.inner.kernel_c, lag) * at(s.values, inner) * weights[:, None]
         out[node] += part.sum(axis=0) * nodes[node] * s.width
     later = 1
-    while later < len(s.index) and (same := s.index[later:] == s.index[:-later]).any():
+    while later < len(s.interval) and (same := s.interval[later:] == s.interval[:-later]).any():
         ahead, behind = np.flatnonzero(same) + later, np.flatnonzero(same)
         for node in range(q):  # an earlier sub-panel of the same interval, whole
             lag = t[node, ahead] - t[:, behind]
             part = _series(r.inner.kernel_c, lag) * s.values[:, behind] * weights[:, None]
             out[node, ahead] += part.sum(axis=0) * s.width[behind]
         later += 1
-    first, last = np.searchsorted(s.index, i.index), np.searchsorted(s.index, i.index, side="right")
+    first, last = np.searchsorted(s.interval, i.interval), np.searchsorted(s.interval, i.interval, side="right")
     for step in range(int((last - first).max(initial=0))):  # each impulse on the step-th sub-panel of its interval
         hit = first + step < last
         mine = (first + step)[hit]

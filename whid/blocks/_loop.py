@@ -52,7 +52,7 @@ def error(loop: StaticLoop, u: Signal) -> Signal:
         panels, _ = split(u, _kinks(loop, nodes))
         s = panels.splits
         dense = _solved(loop, panels.values)
-        return Panels(dense, s._replace(values=_solved(loop, s.values)) if len(s.index) else s)
+        return Panels(dense, s._replace(values=_solved(loop, s.values)) if len(s.interval) else s)
 
     return u.with_values(values, between)
 

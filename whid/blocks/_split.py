@@ -40,9 +40,9 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
         return panels, NO_CROSSINGS
     parts = _candidates(panels, breaks)
     owner, tau, which, slope = _crossings(parts, breaks)
-    if not len(owner) and len(panels.splits.index) == 0:
+    if not len(owner) and len(panels.splits.interval) == 0:
         return panels, NO_CROSSINGS
-    keep = np.isin(np.arange(len(parts.index)), owner) | (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
+    keep = np.isin(np.arange(len(parts.interval)), owner) | (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
     whole = np.flatnonzero(keep)
     panel, begin = np.concatenate([whole, owner]), np.concatenate([np.zeros(len(whole)), tau])
     order = np.lexsort((begin, panel))
@@ -52,9 +52,9 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
     panel, begin, end = panel[wide], begin[wide], end[wide]
     inner = at(parts.values[:, panel], begin + (end - begin) * rule(len(parts.values)).nodes[:, None])
     start = parts.start[panel] + begin * parts.width[panel]
-    splits = Splits(parts.index[panel], start, (end - begin) * parts.width[panel], inner)
+    splits = Splits(parts.interval[panel], start, (end - begin) * parts.width[panel], inner)
     when = parts.start[owner] + tau * parts.width[owner]
-    index = parts.index[owner]
+    index = parts.interval[owner]
     early = when < 1e-14  # at a sample: it belongs to the end of the interval before
     crossings = Crossings(index - early, np.where(early, 1.0, when), which, slope / parts.width[owner])
     return Panels(panels.values, splits, panels.impulses), crossings.where(crossings.interval >= 0)
@@ -63,7 +63,7 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
 def onto(seed: Signal, s: Splits) -> Panels:
     """Return a seed's panels on the splits of the signal it belongs to (as fine as the seed's own, or finer)."""
     panels = seed.panels
-    if not len(s.index):
+    if not len(s.interval):
         return panels
     return panels._replace(splits=s._replace(values=refined(panels, s)))
 
@@ -71,14 +71,14 @@ def onto(seed: Signal, s: Splits) -> Panels:
 def refined(panels: Panels, s: Splits) -> Floats:
     """Return a signal's values at the nodes of some sub-panels, each of which lies in one panel of the signal."""
     local = s.start + s.width * rule(len(panels.values)).nodes[:, None]
-    return _values_at(panels, s.index, local, s.start + s.width / 2)
+    return _values_at(panels, s.interval, local, s.start + s.width / 2)
 
 
 def total(signals: Sequence[Signal]) -> Signal:
     """Return the sum of signals on one grid, on the union of their splits, impulses included."""
 
     def impulses(courses: Sequence[Panels]) -> Impulses:
-        given = [course.impulses for course in courses if len(course.impulses.index)]
+        given = [course.impulses for course in courses if len(course.impulses.interval)]
         return Impulses(*(np.concatenate(column) for column in zip(*given, strict=True))) if given else NO_IMPULSES
 
     return pointwise(lambda *values: np.sum(values, axis=0), signals, impulses)
@@ -98,7 +98,7 @@ def pointwise(
     def between() -> Panels:
         courses = [signal.panels for signal in signals]
         s = _united([course.splits for course in courses])
-        if len(s.index):
+        if len(s.interval):
             s = s._replace(values=function(*(refined(course, s) for course in courses)))
         dense = function(*(course.values for course in courses))
         return Panels(dense, s, NO_IMPULSES if impulses is None else impulses(courses))
@@ -108,10 +108,10 @@ def pointwise(
 
 def _united(splits: Sequence[Splits]) -> Splits:
     """Return sub-panels as fine as all the given ones together; their values are still to come."""
-    given = [s for s in splits if len(s.index)]
+    given = [s for s in splits if len(s.interval)]
     if len(given) < 2:
         return given[0] if given else NO_SPLITS
-    index, start = np.concatenate([s.index for s in given]), np.concatenate([s.start for s in given])
+    index, start = np.concatenate([s.interval for s in given]), np.concatenate([s.start for s in given])
     order = np.lexsort((start, index))
     index, start = index[order], start[order]
     last = np.append(index[1:] != index[:-1], True)
@@ -140,10 +140,10 @@ def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Flo
     """Evaluate at `local` of each interval, on the sub-panel that `place` lies in where the interval is split."""
     values = at(panels.values[:, index], local)
     own = panels.splits
-    if not len(own.index):
+    if not len(own.interval):
         return values
-    panel = np.searchsorted(own.index + own.start, index + place, side="right") - 1
-    hit = (panel >= 0) & (own.index[panel] == index)
+    panel = np.searchsorted(own.interval + own.start, index + place, side="right") - 1
+    hit = (panel >= 0) & (own.interval[panel] == index)
     p = panel[hit]
     inside = np.clip((local[..., hit] - own.start[p]) / own.width[p], 0.0, 1.0)
     values[..., hit] = at(own.values[:, p], inside)
@@ -154,11 +154,11 @@ def _candidates(panels: Panels, breaks: Floats) -> Splits:
     """Return the panels that may cross a breakpoint, and every sub-panel, in time order."""
     near = _near(panels.values, breaks)
     s = panels.splits
-    near[s.index] = False
+    near[s.interval] = False
     dense = np.flatnonzero(near)
-    if not len(s.index):
+    if not len(s.interval):
         return Splits(dense, np.zeros(len(dense)), np.ones(len(dense)), panels.values[:, dense])
-    index = np.concatenate([dense, s.index])
+    index = np.concatenate([dense, s.interval])
     start = np.concatenate([np.zeros(len(dense)), s.start])
     order = np.lexsort((start, index))
     width = np.concatenate([np.ones(len(dense)), s.width])
@@ -214,7 +214,7 @@ def _continued(fine: Floats, parts: Splits) -> Floats:
 
     A crossing at a sample is then found once, not twice or never.
     """
-    joined = np.abs(parts.index[:-1] + parts.start[:-1] + parts.width[:-1] - parts.index[1:] - parts.start[1:]) < 1e-9
+    joined = np.abs(parts.interval[:-1] + parts.start[:-1] + parts.width[:-1] - parts.interval[1:] - parts.start[1:]) < 1e-9
     joined &= np.abs(fine[-1, :-1] - fine[0, 1:]) <= 1e-12 * np.abs(fine).max(initial=0.0)
     fine[-1, :-1][joined] = fine[0, 1:][joined]
     return fine

@@ -76,7 +76,7 @@ class Static(Block):
         def between() -> Panels:
             panels, _ = course()
             s = panels.splits
-            return Panels(self.value(panels.values), s._replace(values=self.value(s.values)) if len(s.index) else s)
+            return Panels(self.value(panels.values), s._replace(values=self.value(s.values)) if len(s.interval) else s)
 
         return signal.with_values(values, between)
 
@@ -93,7 +93,7 @@ class Static(Block):
             s = panels.splits
             along = None if seed is None else onto(seed, s)
             dense = rate(panels.values, None if along is None else along.values)
-            if len(s.index):
+            if len(s.interval):
                 s = s._replace(values=rate(s.values, None if along is None else along.splits.values))
             own = self._impulses(crossings, along, name, signal.dt)
             return Panels(dense, s, own if along is None else _joined(own, self._passed(panels, along.impulses)))
@@ -112,9 +112,9 @@ class Static(Block):
 
     def _passed(self, panels: Panels, impulses: Impulses) -> Impulses:
         """An impulse moves a jump of v in time, so f's own jump there: its area times the secant slope of f."""
-        if not len(impulses.index):
+        if not len(impulses.interval):
             return impulses
-        left, right = sides(panels, impulses.index, impulses.at)
+        left, right = sides(panels, impulses.interval, impulses.at)
         rise = right - left
         smooth = np.abs(rise) <= 1e-9 * (np.abs(left) + np.abs(right))
         secant = (self.value(right) - self.value(left)) / np.where(smooth, 1.0, rise)
@@ -122,6 +122,6 @@ class Static(Block):
 
 
 def _joined(a: Impulses, b: Impulses) -> Impulses:
-    if not len(b.index):
+    if not len(b.interval):
         return a
-    return Impulses(np.concatenate([a.index, b.index]), np.concatenate([a.at, b.at]), np.concatenate([a.area, b.area]))
+    return Impulses(np.concatenate([a.interval, b.interval]), np.concatenate([a.at, b.at]), np.concatenate([a.area, b.area]))

@@ -101,7 +101,7 @@ class _Lag:
         """Return the course on its own panels, each cut where an interval of the output begins."""
         pieces = _cut(course, self.early)
         late = pieces.start >= self.early - 1e-12  # belongs to the interval with its own number, the rest to the one before
-        index = np.where(late, pieces.index, pieces.index - 1)
+        index = np.where(late, pieces.interval, pieces.interval - 1)
         start = np.where(late, pieces.start - self.early, pieces.start - self.early + 1)
         inside = (index >= 0) & (index < n)
         splits = Splits(index[inside], np.clip(start[inside], 0, 1), pieces.width[inside], pieces.values[:, inside])
@@ -112,7 +112,7 @@ class _Lag:
         return Panels(np.tile(dense, (len(course.values), 1)), splits, moved)
 
     def _impulses(self, i: Impulses, n: int) -> Impulses:
-        when = i.index + i.at - self.early
+        when = i.interval + i.at - self.early
         index = np.floor(when).astype(np.intp)
         inside = (index >= 0) & (index < n)
         return Impulses(index[inside], (when - index)[inside], i.area[inside])
@@ -123,7 +123,7 @@ def _cut(course: Panels, where: float) -> Splits:
     q, count = course.values.shape
     marks = [np.zeros(count), np.full(count, where)] if 0 < where < 1 else [np.zeros(count)]
     index, start = np.tile(np.arange(count), len(marks)), np.concatenate(marks)
-    index, start = np.append(index, course.splits.index), np.append(start, course.splits.start)
+    index, start = np.append(index, course.splits.interval), np.append(start, course.splits.start)
     order = np.lexsort((start, index))
     index, start = index[order], start[order]
     last = np.append(index[1:] != index[:-1], True)
@@ -141,7 +141,7 @@ def _at_start(course: Panels, early: float, n: int) -> Floats:
 def _slopes(v: Panels, dt: float) -> Panels:
     """Return −dv/dt, and −its impulses (their slopes are not signals any more) left out."""
     s = v.splits
-    inner = s._replace(values=-_slope(s.values) / (s.width * dt)) if len(s.index) else s
+    inner = s._replace(values=-_slope(s.values) / (s.width * dt)) if len(s.interval) else s
     return Panels(-_slope(v.values) / dt, inner, NO_IMPULSES)
 
 
@@ -158,8 +158,8 @@ def _jumps(v: Panels) -> Impulses:
     ends = rule(len(pieces.values)).ends @ pieces.values
     jump = ends[0, 1:] - ends[1, :-1]
     hit = np.flatnonzero(jump)
-    return Impulses(pieces.index[hit + 1], pieces.start[hit + 1], -jump[hit])
+    return Impulses(pieces.interval[hit + 1], pieces.start[hit + 1], -jump[hit])
 
 
 def _both(a: Impulses, b: Impulses) -> Impulses:
-    return Impulses(np.append(a.index, b.index), np.append(a.at, b.at), np.append(a.area, b.area))
+    return Impulses(np.append(a.interval, b.interval), np.append(a.at, b.at), np.append(a.area, b.area))

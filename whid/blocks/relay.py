@@ -68,11 +68,11 @@ class _Run:
         self.panels, self.crossings = _course(relay, signal) if inner else (signal.panels, NO_CROSSINGS)
         s, n = self.panels.splits, len(signal.values)
         whole = np.ones(n, bool)
-        whole[s.index] = False
+        whole[s.interval] = False
         dense = np.flatnonzero(whole) if inner else np.empty(0, np.intp)
         middle = (len(self.panels.values) - 1) // 2
-        values = [signal.values, self.panels.values[middle, dense], s.values[middle] if len(s.index) else s.start]
-        index = np.concatenate([np.arange(n), dense, s.index])
+        values = [signal.values, self.panels.values[middle, dense], s.values[middle] if len(s.interval) else s.start]
+        index = np.concatenate([np.arange(n), dense, s.interval])
         order = np.lexsort((np.concatenate([np.full(n, -1.0), np.zeros(len(dense)), s.start]), index))
         on = np.empty(len(order), bool)
         on[order] = _latched(np.concatenate(values)[order], relay, state)
@@ -88,7 +88,7 @@ class _Run:
         level = np.full(len(values), off)
         level[self.dense] = np.where(self.at_dense, on, off)
         q, s = len(self.panels.values), self.panels.splits
-        if len(s.index):
+        if len(s.interval):
             s = s._replace(values=np.tile(np.where(self.at_splits, on, off).astype(float), (q, 1)))
         return self.signal.with_values(values, lambda: Panels(np.tile(level, (q, 1)), s))
 
@@ -109,8 +109,8 @@ class _Run:
     def _switchings(self, crossings: Crossings) -> Crossings:
         """Return the crossings at which the relay did switch: on at high, off at low."""
         s = self.panels.splits
-        after = np.searchsorted(s.index + s.start, crossings.interval + crossings.at + 1e-9, side="right") - 1
-        before = np.searchsorted(s.index + s.start, crossings.interval + crossings.at - 1e-9, side="right") - 1
+        after = np.searchsorted(s.interval + s.start, crossings.interval + crossings.at + 1e-9, side="right") - 1
+        before = np.searchsorted(s.interval + s.start, crossings.interval + crossings.at - 1e-9, side="right") - 1
         return crossings.where((self.at_splits[after] != self.at_splits[before]) & (crossings.speed > 0))
 
 

@@ -51,8 +51,9 @@ def by_rate(found: Sequence[Visit]) -> dict[float, list[Visit]]:
 
 def joined(curves: Sequence[StaticCurve]) -> StaticCurve:
     """Return all levels as one curve; what describes the noise is that of the first."""
-    each = ("level", "mean", "mean_std", "direction", "samples", "drifting")
-    return curves[0]._replace(**{name: np.concatenate([getattr(curve, name) for curve in curves]) for name in each})
+    every = zip(*((c.level, c.mean, c.mean_std, c.direction, c.samples, c.drifting) for c in curves), strict=True)
+    level, mean, std, direction, samples, drifting = map(np.concatenate, every)
+    return curves[0]._replace(level=level, mean=mean, mean_std=std, direction=direction, samples=samples, drifting=drifting)
 
 
 def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:
