@@ -79,7 +79,7 @@ def _plus(signal: Signal, noise: Floats) -> Signal:
     def between() -> Panels:
         panels = inner()
         s = panels.splits
-        shifted = s._replace(values=s.values + noise[s.index]) if len(s.index) else s
+        shifted = s._replace(values=s.values + noise[s.interval]) if len(s.interval) else s
         return panels._replace(values=panels.values + noise, splits=shifted)
 
     return signal.with_values(signal.values + noise, between)

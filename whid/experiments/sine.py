@@ -49,9 +49,7 @@ class Sine(Part):
         given = self.samples_per_period if self.samples_per_period is not None else self.omega
         many = np.atleast_1d(np.asarray(given, float))
         periods = many if self.omega is None else 2 * np.pi / (many * dt)
-        return tuple(
-            replace(self, period=float(p), omega=None, samples_per_period=None) for p in periods
-        )
+        return tuple(replace(self, period=float(p), omega=None, samples_per_period=None) for p in periods)
 
     def samples(self, dt: float) -> int:
         """Return lead and measured periods in samples."""
