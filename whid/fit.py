@@ -133,13 +133,11 @@ class Triangle(NamedTuple):
     @classmethod
     def stacked(cls, rows: Iterable[Floats]) -> Triangle:
         """Reduce a problem whose rows [J | r] come in chunks: no more than one chunk is ever kept."""
-        both, samples = None, 0
+        both, samples = np.empty((0, 0)), 0
         for part in rows:
             samples += len(part)
-            both = np.linalg.qr(part if both is None else np.vstack([both, part]), mode="r")
-        if both is None:
-            raise ValueError("a least-squares problem needs rows")
-        p = both.shape[1] - 1
+            both = np.asarray(np.linalg.qr(np.vstack([both, part]) if both.size else part, mode="r"), float)
+        p = max(both.shape[1] - 1, 0)
         both = np.pad(both, ((0, max(0, p + 1 - len(both))), (0, 0)))
         return cls(both[:p, :p], both[:p, p], float(both[p:, p] @ both[p:, p]), samples)
 

@@ -83,7 +83,7 @@ class Block(Kind):
 
     def children(self) -> tuple[Block, ...]:
         """Return the blocks inside this one, in the order of their fields."""
-        return tuple(block for _, block in self._named_children())
+        return tuple(block for _, block in self.named_children())
 
     def parameters(self, held: bool = False) -> tuple[Parameter, ...]:
         """Return the free scalars, by path; those under `fix:` only when `held` is asked for.
@@ -96,7 +96,7 @@ class Block(Kind):
         for name, value, free in self._free_fields():
             if held or not (self.fix is True or (self.fix and name.partition(".")[0] in self.fix)):
                 found.append(Parameter(name, value, free.units, free.lower, free.upper))
-        for path, block in self._named_children():
+        for path, block in self.named_children():
             if held or self.fix is not True:
                 found += [p._replace(name=f"{path}.{p.name}") for p in block.parameters(held)]
         return tuple(found)
@@ -113,7 +113,8 @@ class Block(Kind):
         for name, free in _markers(type(self)).items():
             yield from _flatten(name, getattr(self, name), free)
 
-    def _named_children(self) -> Iterator[tuple[str, Block]]:
+    def named_children(self) -> Iterator[tuple[str, Block]]:
+        """Yield the blocks inside this one with the beginning of their parameters' names, `chain.0`."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if isinstance(value, Block):
