@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import MinLen
 
 from whid.blocks._block import Block
 from whid.blocks.chain import Chain
+from whid.blocks.parallel import Parallel
 from whid.disturbances._disturbance import Disturbance
 
 
@@ -23,3 +24,26 @@ class System:
     def tree(self) -> Chain:
         """Return the chain as one block."""
         return Chain(chain=self.chain)
+
+    def inserted(self, place: int, block: Block) -> System:
+        """Return the system with a block ahead of the one at `place` (len(chain): behind the last)."""
+        return replace(self, chain=(*self.chain[:place], block, *self.chain[place:]))
+
+    def replaced(self, place: int, block: Block) -> System:
+        """Return the system with another block at `place`; wrapping one is replacing it by a block that holds it."""
+        return replace(self, chain=(*self.chain[:place], block, *self.chain[place + 1 :]))
+
+    def beside(self, branch: Block) -> System:
+        """Return the system with a branch in parallel to the whole chain.
+
+        >>> from whid.blocks.constant import Constant
+        >>> from whid.blocks.linear import Linear
+        >>> plain = System(chain=(Linear(num=(2.0,), den=(1.0,)),))
+        >>> plain.beside(Constant(level=3.0)).tree([1.0, 2.0], dt=1.0)
+        array([5., 7.])
+        """
+        return replace(self, chain=(Parallel(parallel=(self.tree, branch)),))
+
+    def disturbed(self, noise: Disturbance) -> System:
+        """Return the system with one more disturbance."""
+        return replace(self, noise=(*self.noise, noise))
