@@ -12,6 +12,7 @@ from whid.blocks.dead_zone import DeadZone
 from whid.blocks.delay import Delay
 from whid.blocks.feedback import Feedback
 from whid.blocks.linear import Linear
+from whid.blocks.oversampled import Oversampled
 from whid.blocks.parallel import Parallel
 from whid.blocks.piecewise import Piecewise
 from whid.blocks.polynomial import Polynomial
@@ -19,6 +20,7 @@ from whid.blocks.preload import Preload
 from whid.blocks.quantizer import Quantizer
 from whid.blocks.relay import Relay
 from whid.blocks.saturation import Saturation
+from whid.blocks.spline import Spline
 from whid.blocks.table import Table
 from whid.blocks.viscous import Viscous
 
@@ -61,6 +63,13 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Linear(A=((-1.0, 2.0), (-2.0, -1.0)), B=(1.0, 0.5), C=(0.3, 1.0), D=0.2),
         Linear(num=(0.5, 0.1), den=(1.0, -0.9, 0.4), dt=DT),
     ),
+    "oversampled": (
+        Oversampled(
+            factor=2,
+            chain=(Linear(num=(0.5, 0.1), den=(1.0, -0.9, 0.4), dt=DT / 2), Polynomial(coefficients=(0.1, 1.0, 0.4))),
+        ),
+        Oversampled(factor=3, chain=(LAG, Spline(inputs=(-1.0, 0.0, 0.5), outputs=(-0.3, 0.2, 0.4)), RESONANT)),
+    ),
     "parallel": (
         Parallel(parallel=(Viscous(coefficient=2.0), Coulomb(force=0.5), Constant(level=-0.3))),
         Parallel(parallel=(LAG, Chain(chain=(RESONANT, Saturation(low=-0.4, high=0.4))), Delay(seconds=0.33))),
@@ -71,6 +80,10 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
     "quantizer": (Quantizer(step_=0.37), Quantizer(step_=0.05, mode="floor")),
     "relay": (Relay(low=-0.4, high=0.3, off=-1.0, on=2.0), Relay(low=0.09, high=0.1)),
     "saturation": (Saturation(low=-0.5, high=0.8, slope=1.3),),
+    "spline": (
+        Spline(inputs=(-0.9, -0.2, 0.3, 1.1), outputs=(-1.0, 0.1, 0.2, 0.9)),
+        Spline(inputs=(-0.5, 0.6), outputs=(0.1, 1.0)),
+    ),
     "table": (
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9)),
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9), beyond="hold"),
