@@ -211,3 +211,23 @@ def test_a_region_that_cannot_be_computed_is_walked_around():
 
 def test_it_says_when_it_ran_out_of_iterations():
     assert fitted(MISRA1A, misra, misra_tangent, [500.0, 1e-4], max_iterations=2).why_stop == "iteration limit"
+
+
+def test_a_problem_with_free_directions_converges_and_says_so():
+    """Only a + b and c are seen: the minimum is reached, though no step determines a − b."""
+    t = np.linspace(0.0, 3.0, 40)
+    y = 2.0 * np.exp(-0.7 * t) + 0.01 * np.random.default_rng(20000).standard_normal(40)
+
+    def residual(p):
+        return (p[0] + p[1]) * np.exp(-p[2] * t) - y
+
+    def tangent(p):
+        e = np.exp(-p[2] * t)
+        return np.stack([e, e, -t * (p[0] + p[1]) * e], axis=1)
+
+    start = [Parameter("a", 1.0), Parameter("b", 0.5), Parameter("c", 0.3)]
+    fit = least_squares(residual, tangent, start, np.full(40, 100.0))
+    assert fit.why_stop == "converged"
+    assert fit.rank == 2
+    assert np.isinf(fit.std[:2]).all()
+    assert np.isfinite(fit.std[2])

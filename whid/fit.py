@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from whid.quantity import Quantity
 
 Floats = NDArray[np.float64]
+RANK = 1e-10  # of the largest singular value, columns of unit length: what is below counts as zero
 WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear"]
 
 
@@ -178,7 +179,7 @@ def minimise(
             scale[scale == 0] = 1.0
             step = np.zeros_like(theta)
             variance = 1.0 if known else here.chi2 / max(here.samples - len(theta), 1)
-            gain = float(active.projected @ active.projected)  # what an undamped step would still gain
+            gain = _gain(active.r / scale, active.projected)
             if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2):
                 step[free] = _solve(active.r / scale, -active.projected)[0] / scale
                 theta, why = np.clip(theta + step, lower, upper), "converged"
@@ -214,6 +215,13 @@ def minimise(
     return _estimate(names, theta, covariance, rank, null, here.chi2, here.samples, not known, iteration, why)
 
 
+def _gain(r: Floats, projected: Floats) -> float:
+    """Return what an undamped step would still take from χ²: the part of Qᵀr that the columns reach, whatever their rank."""
+    u, s, _ = np.linalg.svd(r)
+    within = u[:, s > RANK * s.max(initial=0.0)].T @ projected
+    return float(within @ within)
+
+
 def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
     """Return the minimum-norm solution, its covariance, the rank and the null directions, in scaled columns."""
     scale = np.linalg.norm(a, axis=0)
@@ -226,7 +234,7 @@ def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
         u, s, vt = np.linalg.svd(a / scale, full_matrices=True)
         s = np.concatenate([s, np.zeros(a.shape[1] - len(s))])
         u = u[:, : a.shape[1]] if u.shape[1] >= a.shape[1] else np.pad(u, ((0, 0), (0, a.shape[1] - u.shape[1])))
-    kept = s > 1e-10 * s.max(initial=0.0)
+    kept = s > RANK * s.max(initial=0.0)
     inverse = vt[kept].T / s[kept]
     values = inverse @ (u[:, kept].T @ b) / scale
     covariance = inverse @ inverse.T / np.outer(scale, scale)

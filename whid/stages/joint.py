@@ -66,8 +66,9 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
     front = gauge.front_gain * np.exp(1j * gauge.front_phase)
     back = (gauge.back_gain * np.exp(1j * gauge.back_phase))[among]
     problem = ChainFit(
-        responses, static, FreeResponse(omegas[0], front, "front"), FreeResponse(omegas[1], back, "back"), free_breaks
-    )
+        responses, _started(static, gauge.estimate),
+        FreeResponse(omegas[0], front, "front"), FreeResponse(omegas[1], back, "back"), free_breaks,
+    )  # fmt: skip
     estimate = problem.solve()
     n, m = map(len, omegas)
     skip = len(estimate.names) - 2 * (n + m)
@@ -80,6 +81,16 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
         omegas[0], np.exp(fg), np.exp(fg) * fgs, fp, phase_std[:n],
         omegas[1], np.exp(bg), np.exp(bg) * bgs, bp, phase_std[n:], "joint rational fit", estimate,
     )  # fmt: skip
+
+
+def _started(static: StaticPart, fitted: Estimate) -> StaticPart:
+    """Return f as another fit of the same data left it: from there χ² only falls."""
+    coefficients, breaks = static.coefficients.copy(), static.breaks.copy()
+    for name, value in zip(fitted.names, fitted.values, strict=True):
+        block, part, *place = name.split(".")
+        if block == "f":
+            (coefficients if part == "pieces" else breaks)[tuple(map(int, place))] = value
+    return static._replace(coefficients=coefficients, breaks=breaks)
 
 
 def _phase_std(estimate: Estimate, place: NDArray[np.intp], gauge_covariance: Floats) -> Floats:

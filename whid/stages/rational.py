@@ -152,7 +152,7 @@ class _Search:
         ends: list[float] = []
         for start in starts:
             ends.append(self.fit(orders, start).bic)
-            if len(ends) > 1 and np.diff(np.sort(ends)[:2])[0] < 0.01:
+            if sum(end < min(ends) + 0.01 for end in ends) > 1:
                 break
         return self.seen[orders]
 
