@@ -89,7 +89,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-column": Explanation(
         "A column that the config names is not in the file, or cannot be guessed.",
-        "See what the file holds with `whid ingest FILE`, then give `columns: {time: …, input: …, output: …}`.",
+        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` in a "
+        "config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
         CONFIG,
     ),
     "data-scalar": Explanation(
@@ -109,7 +110,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-missing": Explanation(
         "Samples are missing (NaN, empty cells, or rows left out).",
-        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`; a missing input can only be interpolated.",
+        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`, `--missing` for `whid ingest`; a missing input can "
+        "only be interpolated.",
         CONFIG,
     ),
     "data-time-order": Explanation(
@@ -204,6 +206,16 @@ CATALOGUE: dict[str, Explanation] = {
     "sweep-missing": Explanation(
         "`whid sweep` was given a study without a `sweep:` section.",
         "Add `sweep: {over: {plant.noise.std: [0.1, 0.2]}, repeats: 10}`, or use `whid run`.",
+        CONFIG,
+    ),
+    "fit-no-data": Explanation(
+        "There is nothing to fit: no record has valid samples for estimation, or the model has no free number.",
+        "Declare parts with `use: estimation`; remove `fix: true` from what is to be fitted.",
+        CONFIG,
+    ),
+    "fit-parameter": Explanation(
+        "A number to hold or to tie is not in the model.",
+        "Write its path in the tree, such as `chain.0.den.1`; lists count from 0.",
         CONFIG,
     ),
     "method-no-levels": Explanation(

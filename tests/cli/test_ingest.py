@@ -31,22 +31,21 @@ def run(*arguments):
 
 def test_shows_columns_parts_picture_and_a_block_that_loads(bench):
     out = run("bench.csv").output
-    for words in ("bench.csv", "9 holds", "5 different, -1 … 1; each 6 s", "period 60", "10 Hz", "as declared"):
+    for words in ("bench.csv", "9 holds", "5 different, -1 … 1; each 6 s", "period 60 samples (6 s)", "10 Hz", "as declared"):
         assert words in out
     assert (bench / "bench-ingest.png").read_bytes()[:4] == b"\x89PNG"
-    block = parse(out.partition("# to paste into a config\n")[2], "block").value["data"]
+    block = parse(out.partition("# save as bench.yaml")[2].partition("\n")[2], "block").value["data"]
     assert plain(block)["columns"] == {"time": "t", "input": "u", "output": "y"}
     assert plain(block)["units"] == {"input": "V", "output": "m/s"}
 
 
-def test_the_block_runs_as_a_config(bench):
+def test_the_study_runs_as_it_is(bench):
     from pathlib import Path
 
     from whid.config.load import load_study
     from whid.files.ingest import ingest
 
-    block = run("bench.csv").output.partition("# to paste into a config\n")[2]
-    (bench / "study.yaml").write_text(f"name: bench\n{block}identify: {{kind: wiener_hammerstein}}\n")
+    (bench / "study.yaml").write_text("# save as" + run("bench.csv").output.partition("# save as")[2])
     study = load_study(bench / "study.yaml")
     assert len(ingest(study.data, Path()).record.parts) == 10
     assert "9 holds" in run("study.yaml").output
@@ -68,3 +67,17 @@ def test_columns_and_faults(bench):
         run("bench.csv", "--columns", "input=v,output=y")
     with pytest.raises(WhidError, match="cannot write"):
         run("bench.csv", "--out", "nowhere/here.png")
+
+
+def test_a_column_name_may_hold_a_comma(bench):
+    rows = (bench / "bench.csv").read_text().partition("\n")[2]
+    (bench / "excel.csv").write_text('"Time, since start","Valve, left","Flow (l/min)"\n' + rows)
+    out = run("excel.csv", "--columns", "time=Time, since start,input=Valve, left,output=Flow").output
+    assert "9 holds" in out
+
+
+def test_a_fault_about_columns_says_what_to_type_here(bench):
+    (bench / "german.csv").write_text((bench / "bench.csv").read_text().replace("t,u [V],y [m/s]", "Zeit,Ventil,Durchfluss"))
+    with pytest.raises(WhidError, match="which column is the input") as fault:
+        run("german.csv")
+    assert "--columns" in fault.value.remedy

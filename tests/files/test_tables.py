@@ -18,7 +18,7 @@ def columns(path, *names, **text):
     return table, table.load([table.find(name) for name in names])
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_text_encodings_and_line_ends(tmp_path, encoding, end):
     path = tmp_path / "a.csv"

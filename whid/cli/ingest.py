@@ -1,13 +1,15 @@
-"""Show what a data file holds: columns, time, levels and sines found, and a `data:` block to start from."""
+"""Show what a data file holds: columns, time, levels and sines found, and a study to start from."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
+    from whid.experiments._part import Part
     from whid.files.ingest import Ingested
     from whid.files.source import DataSource
     from whid.quantity import Table
@@ -28,8 +30,8 @@ SHOWN = 30  # columns, parts other than levels
 def command(file: Path, columns: str, dt: float | None, missing: Any, out: Path | None, as_json: bool) -> None:
     """Show what FILE holds and how whid understands it; FILE is a data file, or a config whose records to show.
 
-    Prints columns, sampling, the levels and sines found in the input, what was noticed, and a `data:` block to paste into
-    a config; draws the record with its parts.
+    Prints columns, sampling, the levels and sines found in the input, what was noticed, and a study to save and run; draws
+    the record with its parts.
 
     Example: whid ingest bench.csv --columns time=t,input=u,output=y
     """
@@ -59,9 +61,10 @@ def command(file: Path, columns: str, dt: float | None, missing: Any, out: Path 
         if out or not as_json:
             _draw(found, picture)
         if not as_json:
+            click.echo()
             print_tables(*tables[1:])
             click.echo("".join(f"note: {note}\n" for note in found.notes) + f"picture: {picture}\n")
-            click.echo(f"# to paste into a config\n{_block(source, found, base)}")
+            click.echo(_study(source, found, base))
     if as_json:
         print_json(shown if len(shown) > 1 else shown[0])
 
@@ -69,7 +72,7 @@ def command(file: Path, columns: str, dt: float | None, missing: Any, out: Path 
 def _columns(text: str) -> Any:
     from whid.files.source import Columns
 
-    pairs = dict(pair.partition("=")[::2] for pair in text.split(",") if pair.strip())
+    pairs = dict(pair.partition("=")[::2] for pair in re.split(r",(?=\s*\w+\s*=)", text) if pair.strip())
     given = {role.strip(): name.strip() for role, name in pairs.items()}
     if wrong := [role for role in given if role not in ROLES or not given[role]]:
         raise click.BadParameter(f"{wrong[0]!r}: write time=…,input=…,output=…", param_hint="--columns")
@@ -148,11 +151,20 @@ def _parts_tables(found: Ingested) -> list[Table]:
         rows.append((summary(levels), levels[0].start, levels[-1].stop, text, levels[0].use))
     others = [part for part in record.parts if part.kind != "hold"]
     for part in others[:SHOWN]:
-        keys = {k: v for k, v in _plain(part).items() if k not in ("kind", "start", "stop", "use")}
-        text = ", ".join(f"{k} {v:.7g}" if isinstance(v, float) else f"{k} {v}" for k, v in keys.items())
-        rows.append((part.kind, part.start, part.stop, text, part.use))
+        rows.append((part.kind, part.start, part.stop, _words(part, record.dt), part.use))
     notes = (f"and {len(others) - SHOWN} more",) if len(others) > SHOWN else ()
     return [Table("parts", ("part", "start", "stop", "what", "use"), tuple(rows), notes)] if rows else []
+
+
+def _words(part: Part, dt: float) -> str:
+    """Return a part's fields as people read them: four digits, and the period in samples and in seconds."""
+    keys = {k: v for k, v in _plain(part).items() if k not in ("kind", "start", "stop", "use")}
+    words = {k: f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in keys.items()}
+    if isinstance(period := keys.get("period"), (int, float)):
+        words["period"] = f"period {period:.7g} samples ({period * dt:.4g} s)"
+    if "phase" in words:
+        words["phase"] += " rad"
+    return ", ".join(words.values())
 
 
 def _span(values: list[float]) -> str:
@@ -181,8 +193,8 @@ def _declared(source: DataSource, found: Ingested, base: Path) -> DataSource:
     return replace(source, columns=Columns(**names), units=units, dt=None if timed else found.record.dt)
 
 
-def _block(source: DataSource, found: Ingested, base: Path) -> str:
-    """Return the `data:` block, the beliefs that most often need a second thought spelled out."""
+def _study(source: DataSource, found: Ingested, base: Path) -> str:
+    """Return a study that runs as it is, the beliefs that most often need a second thought spelled out."""
     from whid.config.yaml import dump
 
     declared = _plain(_declared(source, found, base))
@@ -190,7 +202,9 @@ def _block(source: DataSource, found: Ingested, base: Path) -> str:
     order = ("name", "file", "columns", "dt", "units", "operations", *spelled, "parts", "use")
     both = {k: v for k, v in {**declared, **spelled}.items() if k != "name"}
     ordered = {k: both[k] for k in order if k in both} | {k: v for k, v in both.items() if k not in order}
-    return dump({"data": ordered})
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", source.name).strip("-._") or "study"
+    said = f"# save as {name}.yaml, then: whid check {name}.yaml, whid run {name}.yaml\n"
+    return said + dump({"name": name, "data": ordered, "identify": {"kind": "wiener_hammerstein"}})
 
 
 def _draw(found: Ingested, picture: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -116,4 +117,8 @@ def _encoding(path: Path) -> str:
         return "utf-16"
     if b"\0" in head:
         raise WhidError("data-unreadable", "the file is not text", path.name)
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)  # may end within a character
+    except UnicodeDecodeError:
+        return "cp1252"  # what loggers and spreadsheets of western Windows write
     return "utf-8-sig"
