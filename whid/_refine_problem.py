@@ -1,0 +1,201 @@
+"""A whole-record fit as rows [∂ŷ/∂θ | ŷ − y], simulated chunk by chunk, whitened, weighted, ready to be reduced."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid._refine_free import FreeNumbers, walk
+from whid.blocks._block import STEADY, Block, State
+from whid.blocks.linear import Linear
+from whid.errors import WhidError
+from whid.fit import Parameter, Triangle
+from whid.predict import chunks, input_signal
+from whid.record import Record
+from whid.signal import Floats, Signal, joined
+from whid.stages._whiten import whitened
+
+Bools = NDArray[np.bool_]
+MOST_STATES = 8  # unknown levels of the past of one record, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """One record as the fit sees it.
+
+    use    (N,) samples that count
+    std    of the noise (of its innovation, where `ar` colours it); 1 while it is unknown
+    weight (N,) factors of the residual, or None
+    past   lengths of the held levels that stand for an unknown past (`initial: free`), oldest first
+    """
+
+    record: Record
+    use: Bools
+    std: float = 1.0
+    ar: Floats = field(default_factory=lambda: np.empty(0))
+    weight: Floats | None = None
+    past: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, record: Record, tree: Block) -> Data:
+        """Return the estimation samples of a record."""
+        use = record.using("estimation") & np.isfinite(record.y)
+        return cls(record, use, past=_past(tree, record) if record.initial == "free" else ())
+
+    def input(self, tree: Block, path: str, past: Floats) -> Signal:
+        """Return the input, what stands for its past in front of it."""
+        u = input_signal(tree, self.record, path)
+        return u if not self.past else joined(self._before(u, np.repeat(past, self.past)), u)
+
+    def seeds(self, u: Signal) -> list[Signal]:
+        """Return the derivative of the input with respect to every level of its past."""
+        borders = np.cumsum([0, *self.past])
+        found = []
+        for a, b in pairwise(borders):
+            values = np.zeros(len(u.values))
+            values[a:b] = 1.0
+            found.append(Signal(values, u.dt, u.t0, "discrete" if u.sampled else "zoh", u.order))
+        return found
+
+    def start(self, tree: Block, u: Signal) -> State:
+        """Return the state before the first sample: rest, or steady at the first value where there is such a state."""
+        if self.record.initial == "rest":
+            return None
+        try:
+            tree.steady(float(u.values[0]), u.dt)
+        except WhidError:
+            if self.record.initial == "steady":
+                raise
+            return None
+        return STEADY
+
+    @property
+    def lead(self) -> int:
+        """Return the samples that stand before the record."""
+        return sum(self.past)
+
+    def _before(self, u: Signal, values: Floats) -> Signal:
+        between = "discrete" if u.sampled else "zoh"
+        return Signal(values, u.dt, u.t0 - u.dt * self.lead, between, u.order)  # type: ignore[arg-type]
+
+
+def _past(tree: Block, record: Record) -> tuple[int, ...]:
+    """Return lengths, in samples, of as many past levels as the linear blocks have states; they double backwards in time.
+
+    A state that was reached was reached by some input: its levels are numbers that keep their meaning while the model
+    changes, which coordinates of a state do not.
+    """
+    poles = [(np.roots(block.transfer_function()[1]), block.dt) for _, block in walk(tree) if isinstance(block, Linear)]
+    rates = [abs(np.log(np.abs(p) + 1e-300)) if dt else abs(p.real) * record.dt for p, dt in poles]
+    states = min(sum(len(p) for p, _ in poles), MOST_STATES)
+    slow = np.concatenate([r for r in rates if len(r)] or [np.ones(1)])
+    memory = 3.0 / max(float(slow[slow > 0].min(initial=np.inf)), 3.0 / max(len(record), 3))
+    shares = 2.0 ** np.arange(states)[::-1]
+    return tuple(int(max(1, np.ceil(memory * share / shares.sum()))) for share in shares)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Σ over records and samples of (ŷ − y)², in units of the noise."""
+
+    free: FreeNumbers
+    data: tuple[Data, ...]
+    path: str = "exact"
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return θ: the tree's free numbers, then the levels of every unknown past."""
+        past = [
+            Parameter(f"{d.record.name}.past.{k}", float(d.record.u[0]), "input")
+            for d in self.data
+            for k in range(len(d.past))
+        ]
+        return (*self.free.parameters, *past)
+
+    def cost(self, theta: Floats) -> float:
+        """Return χ², infinite where the model cannot be simulated."""
+        try:
+            return sum(float(rows[:, 0] @ rows[:, 0]) for rows in self._rows(theta, tangents=False))
+        except (WhidError, ValueError, np.linalg.LinAlgError):
+            return float("inf")
+
+    def linearise(self, theta: Floats) -> Triangle:
+        """Return χ² to second order about θ, by the tangents of the simulation."""
+        return Triangle.stacked(self._rows(theta, tangents=True))
+
+    def residuals(self, theta: Floats) -> list[Floats]:
+        """Return ŷ − y of every record, in its own unit, NaN where a sample does not count."""
+        raw = replace(self, data=tuple(replace(d, std=1.0, ar=np.empty(0), weight=None) for d in self.data))
+        found = [np.full(len(d.use), np.nan) for d in self.data]
+        for record, d, rows in zip(found, raw.data, raw._by_record(theta, tangents=False), strict=True):
+            record[d.use] = np.concatenate([part[:, 0] for part in rows])
+        return found
+
+    def _rows(self, theta: Floats, *, tangents: bool) -> Iterator[Floats]:
+        for rows in self._by_record(theta, tangents=tangents):
+            yield from rows
+
+    def _by_record(self, theta: Floats, *, tangents: bool) -> Iterator[Iterator[Floats]]:
+        own = len(self.free.parameters)
+        tree, change = self.free.at(theta[:own]), self.free.expanded(theta[:own])[1]
+        first = own
+        for d in self.data:
+            levels = slice(first, first + len(d.past))
+            first = levels.stop
+            yield _weighted(d, self._simulated(d, tree, theta[levels], change, levels if tangents else None, len(theta)))
+
+    def _simulated(
+        self, d: Data, tree: Block, past: Floats, change: Floats, levels: slice | None, size: int
+    ) -> Iterator[Floats]:
+        """Yield rows [∂ŷ/∂θ | ŷ − y], or [ŷ − y] alone where `levels` is None, in time order."""
+        u = d.input(tree, self.path, past)
+        state, seeds = d.start(tree, u), d.seeds(u) if levels else []
+        for part in chunks(len(u.values)):
+            keep = max(d.lead - part.start, 0)
+            if levels is None:
+                out, state = tree.step(u[part], state)
+                rows = np.empty((len(out.values) - keep, 1)) if keep < len(out.values) else np.empty((0, 1))
+            else:
+                out, tangents, state = tree.tangent(u[part], [seed[part] for seed in seeds], self.free.names, state)
+                along = np.array([t.values for t in tangents]).reshape(len(tangents), -1)
+                rows = np.zeros((max(len(out.values) - keep, 0), size + 1))
+                rows[:, : len(self.free.parameters)] = along[len(seeds) :, keep:].T @ change
+                rows[:, levels] = along[: len(seeds), keep:].T
+            at = slice(part.start + keep - d.lead, part.stop - d.lead)
+            if len(rows):
+                rows[:, -1] = out.values[keep:] - np.where(d.use[at], d.record.y[at], 0.0)
+                yield rows
+
+
+def _weighted(d: Data, chunked: Iterator[Floats]) -> Iterator[Floats]:
+    """Yield the rows that count, whitened across chunks, over the noise's standard deviation."""
+    p, start = len(d.ar), 0
+    before, known = np.empty((0, 0)), np.empty(0, bool)
+    for rows in chunked:
+        use = d.use[start : start + len(rows)]
+        if p:
+            joint = np.vstack([before, rows]) if before.size else rows
+            valid = np.append(known, use)
+            white = whitened(joint, valid, d.ar)[len(known) :]
+            before, known = joint[-p:], valid[-p:]
+        else:
+            white = rows
+        factor = np.full(len(rows), 1 / d.std) if d.weight is None else d.weight[start : start + len(rows)] / d.std
+        start += len(rows)
+        yield white[use] * factor[use, None]
+
+
+def data_of(records: Sequence[Record], tree: Block, std: Sequence[float] | None = None) -> tuple[Data, ...]:
+    """Return what a fit sees of records; raise `WhidError("fit-no-data")` where nothing is for estimation."""
+    found = tuple(Data.of(record, tree) for record in records)
+    if std is not None:
+        found = tuple(replace(d, std=float(s)) for d, s in zip(found, std, strict=True))
+    found = tuple(d for d in found if d.use.any())
+    if not found:
+        raise WhidError("fit-no-data", "no record has samples for estimation")
+    return found
