@@ -82,7 +82,8 @@ def responses_of(
     )
     error = np.hypot(curve.mean_std[here], pieces.visit_std)
     coefficients = np.nan_to_num(pieces.coefficients[low : high + 1, : max(degrees) + 1])
-    static = StaticPart(curve.level[here], curve.mean[here], error, breaks, coefficients, degrees)
+    kinks = tuple(int(k) for k in np.flatnonzero(~pieces.jump[low:high]))
+    static = StaticPart(curve.level[here], curve.mean[here], error, breaks, coefficients, degrees, kinks)
     count = min(len(sine.harmonics.order) for sine in sines)
     orders = [
         range(count) if gone or a < b else range(degrees[a - low] + 1) for (a, b), gone in zip(spans, left, strict=True)

@@ -75,7 +75,11 @@ class RationalResponse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ChainFit:
-    """Residuals and tangents of H_k = A_k(|x|)·e^{jk arg x}·G_back(jkω), x = phasor·G_front(jω), and of f at the levels."""
+    """Residuals and tangents of H_k = A_k(|x|)·e^{jk arg x}·G_back(jkω), x = phasor·G_front(jω), and of f at the levels.
+
+    At a kink the pieces meet: the constant of its right piece follows from the rest, and its break is free, moved by the
+    change of slope. With constants on both sides the break would have no effect to first order, and no end.
+    """
 
     responses: Responses
     static: StaticPart
@@ -89,7 +93,7 @@ class ChainFit:
         f = [
             Parameter(f"f.pieces.{p}.{k}", float(s.coefficients[p, k]), "output") for p, k in zip(*self._places, strict=True)
         ]
-        f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self.free_breaks]
+        f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self._free]
         return f + self.front.parameters() + self.back.parameters()
 
     def solve(self, max_iterations: int = 60) -> Estimate:
@@ -105,9 +109,43 @@ class ChainFit:
                 cache[key] = self.linearised(theta)
             return cache[key]
 
-        return least_squares(
-            lambda t: evaluated(t)[0], lambda t: evaluated(t)[1], self.parameters(), weights, max_iterations=max_iterations
-        )
+        def tangent(free: Floats) -> Floats:
+            theta, change = self.met(free)
+            return evaluated(theta)[1] @ change
+
+        full = self.parameters()
+        found = least_squares(
+            lambda free: evaluated(self.met(free)[0])[0], tangent, [full[k] for k in self._independent], weights,
+            max_iterations=max_iterations,
+        )  # fmt: skip
+        return self._whole(found)
+
+    def met(self, free: Floats) -> tuple[Floats, Floats]:
+        """Return all parameters (P,) from the independent ones, and their derivative (P, independent)."""
+        theta, change = np.zeros(len(self.parameters())), np.eye(len(self.parameters()))[:, self._independent]
+        theta[self._independent] = free
+        piece, power = self._places
+        for k in self.static.kinks:
+            at = len(piece) + self._free.index(k)
+            left, right = np.flatnonzero(piece == k), np.flatnonzero(piece == k + 1)
+            both, sign = np.append(left, right[1:]), np.append(np.ones(len(left)), -np.ones(len(right) - 1))
+            b, n = theta[at], power[both]
+            row = sign * b**n
+            slope = float((sign * n * b ** np.maximum(n - 1, 0)) @ theta[both])
+            theta[right[0]] = row @ theta[both]
+            change[right[0]] = row @ change[both] + slope * change[at]
+        return theta, change
+
+    def _whole(self, found: Estimate) -> Estimate:
+        """Return the estimate of all parameters."""
+        theta, change = self.met(found.values)
+        covariance = change @ found.covariance @ change.T
+        null = found.null_directions @ change.T
+        endless = np.abs(null).max(axis=0, initial=0.0) > 1e-6
+        return found._replace(
+            names=tuple(p.name for p in self.parameters()), values=theta, covariance=covariance,
+            std=np.where(endless, np.inf, np.sqrt(np.diag(covariance))), null_directions=null,
+        )  # fmt: skip
 
     def linearised(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return (residual, tangent): levels first, then the harmonics, real parts and imaginary parts."""
@@ -115,7 +153,7 @@ class ChainFit:
         of_f, of_breaks, of_front, of_back = self._slices
         coefficients, breaks = np.zeros_like(s.coefficients), s.breaks.copy()
         coefficients[self._places] = theta[of_f]
-        breaks[list(self.free_breaks)] = theta[of_breaks]
+        breaks[list(self._free)] = theta[of_breaks]
         front, d_front = self.front(theta[of_front])
         back, d_back = self.back(theta[of_back])
         x = r.phasor * front[self._front_place]
@@ -124,7 +162,7 @@ class ChainFit:
         beyond = np.where(place < 0, 1.0, back[place]) * np.exp(1j * k * np.angle(x)[e])
         tangent = np.zeros((len(e), len(theta)), complex)
         tangent[:, of_f] = beyond[:, None] * inner.by_coefficient[e, k][:, *self._places]
-        tangent[:, of_breaks] = beyond[:, None] * inner.by_break[e, k][:, list(self.free_breaks)]
+        tangent[:, of_breaks] = beyond[:, None] * inner.by_break[e, k][:, list(self._free)]
         zeta = d_front[self._front_place][e]
         tangent[:, of_front] = beyond[:, None] * (
             (np.abs(x)[e] * inner.by_amplitude[e, k])[:, None] * zeta.real
@@ -149,8 +187,19 @@ class ChainFit:
         return piece, power
 
     @cached_property
+    def _free(self) -> tuple[int, ...]:
+        """Breaks that are parameters: those asked for, and every kink."""
+        return tuple(sorted({*self.free_breaks, *self.static.kinks}))
+
+    @cached_property
+    def _independent(self) -> Ints:
+        """Parameters but for the constants that the kinks make."""
+        made = [int(np.flatnonzero(self._places[0] == k + 1)[0]) for k in self.static.kinks]
+        return np.setdiff1d(np.arange(len(self.parameters())), made)
+
+    @cached_property
     def _slices(self) -> tuple[slice, slice, slice, slice]:
-        counts = (len(self._places[0]), len(self.free_breaks), len(self.front.parameters()), len(self.back.parameters()))
+        counts = (len(self._places[0]), len(self._free), len(self.front.parameters()), len(self.back.parameters()))
         ends = np.cumsum(counts)
         return tuple(slice(int(end) - n, int(end)) for end, n in zip(ends, counts, strict=True))  # type: ignore[return-value]
 

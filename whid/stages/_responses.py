@@ -33,6 +33,7 @@ class StaticPart(NamedTuple):
     breaks: Floats  # (S,)
     coefficients: Floats  # (S + 1, d + 1), zero-padded, ascending
     degrees: tuple[int, ...]  # (S + 1,)
+    kinks: tuple[int, ...] = ()  # the breaks at which the pieces meet
 
 
 def response_metrics(prefix: str, result: object) -> dict[str, Measured]:
