@@ -187,6 +187,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Hold levels longer, measure more periods, or set fewer lead periods.",
         FAILED,
     ),
+    "stage-no-model": Explanation(
+        "No stable linear blocks explain the harmonics of the sines: the nonlinearity found from the levels does not fit them.",
+        "Add levels where the sines run, or let the sines stay inside one piece; what was found before is kept.",
+        FAILED,
+    ),
     "disturbance-size": Explanation("A disturbance has no size, or two.", "Give exactly one of `std` and `snr_db`.", CONFIG),
     "disturbance-unstable": Explanation(
         "A coloured noise would grow without bound.",

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from tests.design_p import PLAN, PLANT, STD, back, clean, front, record
 from whid.blocks.dead_zone import DeadZone
 from whid.blocks.linear import Linear
+from whid.disturbances.white import White
 from whid.experiments._experiment import Experiment
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
@@ -286,3 +287,14 @@ def test_the_lag_is_found_on_its_own_side(side, seed):
     assert lags.order[lags.chosen] == 1
     assert lags.decided
     assert abs(lags.coefficients[lags.chosen, 0] - 0.9) < 5 * lags.coefficients_std[lags.chosen, 0]
+
+
+def test_sines_on_a_flat_piece_say_nothing_and_cost_nothing():
+    lag = Linear(num=(1.0,), den=(1.0, 1.0))
+    plant = System(chain=(lag, DeadZone(low=-0.4, high=2.6)), noise=(White(std=0.02),))
+    stairs = Staircase(from_=-2.0, to=4.0, step=0.5, hold_s=20.0, return_=True)
+    plan = Experiment(dt=0.1, parts=(stairs, Sine(offset=1.0, amplitude=0.6, samples_per_period=100, periods=8)))
+    found = stages(simulate(plant, plan, np.random.default_rng(31)))
+    assert not found["Harmonics"][0].heard
+    assert "Rational" not in found
+    assert any("no sines" in words for words in found["Model"][0].missing)

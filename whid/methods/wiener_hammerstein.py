@@ -68,16 +68,17 @@ class WienerHammerstein(Method):
         pieces = segment(curve, max_degree=self.degree)
         yield pieces
         sines = gather(records, seconds, self.harmonics)
+        for sine in sines:
+            yield sine.harmonics
+        heard = [sine for sine in sines if sine.harmonics.heard]
         yield from (
-            self._from_sines(records, curve, pieces, sines) if sines else self._from_steps(records, curve, pieces, seconds)
+            self._from_sines(records, curve, pieces, heard) if heard else self._from_steps(records, curve, pieces, seconds)
         )
 
     def _from_sines(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, sines: Sequence[Sine]
     ) -> Stages:
         """The paper's second part: sines inside a smooth piece."""
-        for sine in sines:
-            yield sine.harmonics
         left = [False] * len(sines)
         for i, sine in enumerate(sines):
             if is_smooth(pieces, sine):
@@ -124,7 +125,10 @@ class WienerHammerstein(Method):
         return tuple(missing)
 
     def _missing_steps(self, found: Lags) -> tuple[str, ...]:
-        missing = ["no sines: the frequency responses of front and back are those of one lag, not measured ones"]
+        missing = [
+            "no sines that move the output beyond noise: the frequency responses of front and back are those of one lag, not "
+            "measured ones"
+        ]
         if not found.decided:
             missing.append(
                 "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"

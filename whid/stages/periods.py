@@ -43,6 +43,11 @@ class Harmonics(NamedTuple):
     period: Annotated[float, Quantity("sample")]
     periods: int
 
+    @property
+    def heard(self) -> bool:
+        """Tell whether anything but the mean stands out of the noise, by five standard errors."""
+        return bool((np.abs(self.value[1:]) > 5 * self.value_std[1:]).any())
+
     def table(self) -> Table:
         """Return amplitude and phase of each harmonic that stands out of the noise."""
         rows = []

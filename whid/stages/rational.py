@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.stages._chain_fit import ChainFit, RationalResponse, frequencies
@@ -16,6 +17,7 @@ from whid.stages._responses import Responses, StaticPart, response_metrics
 Floats = NDArray[np.float64]
 Orders = tuple[int, int, int, int]  # zeros and poles of front, zeros and poles of back
 Start = tuple[Floats, ...]  # their coefficients, b and a of front, b and a of back
+NONE = 1e-9  # of the largest coefficient: a pole at infinity
 
 
 class Rational(NamedTuple):
@@ -84,6 +86,7 @@ def rational(
     two at a time, each from several starts, as long as χ² + p·log(samples) falls. The model fixes the gauge of the phases.
     back=False: all dynamics in front (inside one affine piece only the product is identifiable). free_breaks: the breaks of
     the part that the sines cross and so locate.
+    Raises `WhidError("stage-no-model")` when no orders give stable blocks.
     Source [Brouri2019], section 4, last paragraph ("transfer functions … can easily be determined").
     """
     reference = float(np.exp(np.mean(np.log(responses.omega))))
@@ -91,6 +94,8 @@ def rational(
     if orders is not None:
         orders = orders if back else (*orders[:2], 0, 0)
     best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb((highest, highest if back else 0))
+    if not np.isfinite(best.bic):
+        raise WhidError("stage-no-model", "no stable transfer functions explain the harmonics of the sines")
     ends = [search.fit(best.orders, start).estimate.chi2 for start in search.first_starts(best.orders)]
     best = search.seen[best.orders]
     return _result(best, search, len(ends), sum(end < best.estimate.chi2 + 0.01 for end in ends))
@@ -118,6 +123,9 @@ class _Search:
         """Grow from one pole in each block, while a neighbour is better."""
         first: Orders = (0, min(1, highest[0]), 0, min(1, highest[1]))
         best = self.best_of(first, self.first_starts(first))
+        if not np.isfinite(best.bic):  # a pole went to infinity: a block without dynamics
+            fewer: list[Orders] = [(0, 1, 0, 0), (0, 0, 0, 1)] if highest[1] else []
+            best = min([self.best_of(o, self.first_starts(o)) for o in fewer], key=lambda f: f.bic, default=best)
         while True:
             rivals = [self.best_of(o, self.grown(best, o)) for o in _neighbours(best.orders, highest) if o not in self.seen]
             winner = min(rivals, key=lambda f: f.bic, default=best)
@@ -157,7 +165,7 @@ class _Search:
         return self.seen[orders]
 
     def fit(self, orders: Orders, start: Start) -> _Fitted:
-        """Fit once, and remember the best of these orders; an unstable model counts as no model."""
+        """Fit once, and remember the best of these orders; unstable, or with a pole at infinity, counts as no model."""
         b_front, a_front, b_back, a_back = start
         problem = ChainFit(
             self.responses, self.static,
@@ -190,7 +198,10 @@ def _poles(speed: float, count: int) -> Floats:
 
 
 def _stable(a: Floats) -> bool:
-    return bool(np.all(np.roots(np.concatenate([a[::-1], [1.0]])).real < 0)) if len(np.trim_zeros(a)) else True
+    """Tell whether 1 + a₁p + … + aₙpⁿ has n roots, not at infinity, all in the left half plane."""
+    if not len(a):
+        return True
+    return bool(abs(a[-1]) > NONE * np.abs(a).max() and np.all(np.roots(np.concatenate([a[::-1], [1.0]])).real < 0))
 
 
 def _coefficients(fitted: _Fitted) -> list[Floats]:
