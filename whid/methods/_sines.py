@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from whid.record import Record
+from whid.signal import Floats
 from whid.stages._inner_harmonics import held_sine
 from whid.stages._responses import Responses, StaticPart
 from whid.stages.levels import StaticCurve
@@ -24,9 +25,10 @@ class Sine(NamedTuple):
     harmonics: Harmonics
 
 
-def gather(records: Sequence[Record], settle: float, highest: int) -> list[Sine]:
+def gather(records: Sequence[Record], settle: float, highest: int, colour: dict[float, Floats]) -> list[Sine]:
     """Measure every estimation sine: the input's offset and phasor as they are in u, the output's harmonics.
 
+    colour: the noise's autoregression by sampling time, as the levels show it.
     Whole lead periods are left out, as many as the settling time needs, not fewer than planned [PAPERS A, build 4].
     """
     found = []
@@ -42,7 +44,7 @@ def gather(records: Sequence[Record], settle: float, highest: int) -> list[Sine]
             omega = 2 * np.pi / (period * record.dt)
             first = complex(into.value[1])
             phasor = held_sine(abs(first), float(np.angle(first)), omega, record.dt, record.intersample)
-            out = harmonics(y, period, skip, count=min(highest, int(period / 2 - 1)))
+            out = harmonics(y, period, skip, min(highest, int(period / 2 - 1)), colour.get(record.dt, np.empty(0)))
             found.append(Sine(omega, float(into.value[0].real), phasor, out))
     return found
 

@@ -61,13 +61,14 @@ class WienerHammerstein(Method):
         settles = [settle_time([v.y for v in same], dt) for dt, same in rates.items()]
         yield from settles
         seconds = self.settle_s or max(settle.settle for settle in settles)
-        curve = assemble.joined([_levels(same, dt, seconds) for dt, same in rates.items()])
+        curves = {dt: _levels(same, dt, seconds) for dt, same in rates.items()}
+        curve = assemble.joined(list(curves.values()))
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
             yield branch_gap(curve)
         pieces = segment(curve, max_degree=self.degree)
         yield pieces
-        sines = gather(records, seconds, self.harmonics)
+        sines = gather(records, seconds, self.harmonics, {dt: one.ar for dt, one in curves.items()})
         for sine in sines:
             yield sine.harmonics
         heard = [sine for sine in sines if sine.harmonics.heard]

@@ -51,11 +51,11 @@ def harmonic_floor(harmonics: Harmonics, degree: int, significance: float = 0.01
     from scipy.special import chdtrc
 
     tested = harmonics.order > degree
-    if not tested.any() or not harmonics.noise_lines:
+    if not tested.any() or not harmonics.own_lines:
         return HarmonicFloor(0.0, 0, 1.0, np.empty(0, np.intp), np.empty(0), 0, True)
-    lines, orders = harmonics.noise_lines, harmonics.order[tested]
+    lines, orders = harmonics.own_lines, harmonics.order[tested]
     rounding = 1e-12 * max(float(np.abs(harmonics.value).max()), 1e-300)  # noise-free data: what arithmetic leaves
-    ratio = np.abs(harmonics.value[tested]) ** 2 / (2 * harmonics.value_std[tested] ** 2 + rounding**2)
+    ratio = np.abs(harmonics.value[tested]) ** 2 / (2 * harmonics.own_std[tested] ** 2 + rounding**2)
     log_p = -lines * np.log1p(ratio / lines)
     statistic = float(-2 * log_p.sum())
     p = float(chdtrc(2 * len(orders), statistic))

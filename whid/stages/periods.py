@@ -14,6 +14,8 @@ from whid.signal import Floats
 
 Complexes = NDArray[np.complex128]
 
+_WHITE = np.empty(0)
+_LINES = 16  # spectral lines at least behind a standard error: with 4 a 95 % interval covers 88 %
 _BLOCK = 16384  # samples of a regression held as rows at a time
 
 
@@ -38,7 +40,8 @@ class Harmonics(NamedTuple):
     order: Annotated[NDArray[np.intp], Quantity("1", ("order",))]
     value: Annotated[Complexes, Quantity("output", ("order",), error="value_std")]
     value_std: Annotated[Floats, Quantity("output", ("order",))]  # of the real part, and of the imaginary part
-    noise_lines: int  # complex spectral lines behind each standard error: 2·noise_lines degrees of freedom
+    own_std: Annotated[Floats, Quantity("output", ("order",))]  # from lines that no other harmonic's error has
+    own_lines: int  # those lines: 2·own_lines degrees of freedom
     noise_std: Annotated[float, Quantity("output")]  # of one sample
     period: Annotated[float, Quantity("sample")]
     periods: int
@@ -110,12 +113,13 @@ def period_average(y: Floats, period: float, skip: int = 1, count: int = 20) -> 
     return PeriodAverage(phase, np.real(turn @ found.value), std, periods, found.noise_std)
 
 
-def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20) -> Harmonics:
+def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20, ar: Floats = _WHITE) -> Harmonics:
     """Return the harmonics 0 … count of a periodic output, after the first `skip` periods.
 
-    A whole number of samples a period and nothing missing: exact by FFT; else least squares on the true times. The
-    noise of harmonic k is that of the (P − 1)/2 spectral lines on either side of it, P the number of periods: right for
-    coloured noise, where white-noise formulas are far off, and independent of the harmonics; infinite when P = 1.
+    A whole number of samples a period and nothing missing: exact by FFT; else least squares on the true times. The noise
+    of harmonic k is that of the (P − 1)/2 spectral lines on either side of it, P the number of periods, and of at least 8:
+    right for coloured noise, where white-noise formulas are far off, and independent of the harmonics; infinite when P = 1.
+    ar: the noise's colour where it is known, e(n) = Σ ar[k] e(n − 1 − k) + …; of it the shape counts, not the size.
     y (N,), NaN where missing; period in samples, any real number > 2. Raises `WhidError("stage-too-short")`.
     Source [Brouri2019], eq. (3.24)-(3.25).
 
@@ -135,9 +139,16 @@ def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20) -> Harmo
     else:
         value, residual = _regression(window, valid, first, 2 * np.pi / period, count)
         spectrum = np.fft.rfft(residual)
-    samples = int(valid.sum())
-    std, lines, noise = _side_lines(np.abs(spectrum) ** 2, periods, count, samples)
-    return Harmonics(np.arange(count + 1), value, std, lines, noise, float(period), periods)
+    power, order, samples = np.abs(spectrum) ** 2, np.arange(count + 1), int(valid.sum())
+    between = np.arange(len(power)) % periods != 0
+    noise = float(np.sqrt(power[between].mean() / samples)) if between.any() else float("inf")
+    if periods == 1:
+        endless = np.full(count + 1, np.inf)
+        return Harmonics(order, value, endless, endless, 0, noise, float(period), periods)
+    near, _ = _noise_power(power, periods, count, len(window), ar, _LINES)
+    own, lines = _noise_power(power, periods, count, len(window), _WHITE, 0)
+    part = np.sqrt(np.where(order == 0, 1.0, 2.0)) / samples
+    return Harmonics(order, value, part * np.sqrt(near), part * np.sqrt(own), lines, noise, float(period), periods)
 
 
 def fit_sine(u: Floats, period_guess: float) -> SineFit:
@@ -226,20 +237,26 @@ def _fourier(rows: slice, first: int, omega: float, count: int) -> Floats:
     return np.column_stack([np.ones(len(turn)), powers.real, -powers.imag])
 
 
-def _side_lines(power: Floats, periods: int, count: int, samples: int) -> tuple[Floats, int, float]:
-    """Return the standard error of each harmonic, the lines behind it, and the noise of one sample."""
-    line = np.arange(len(power))
-    between = line % periods != 0
-    noise = float(np.sqrt(power[between].mean() / samples)) if between.any() else float("inf")
-    if periods == 1:
-        return np.full(count + 1, np.inf), 0, noise
-    reach = max(1, (periods - 1) // 2)
-    offset = np.append(np.arange(-reach, 0), np.arange(1, reach + 1))
-    near = np.abs(np.arange(count + 1)[:, None] * periods + offset)  # below zero the lines mirror
-    mean = power[np.minimum(near, len(power) - 1)].mean(axis=1)
-    std = np.sqrt(2 * mean) / samples
-    std[0] /= np.sqrt(2)
-    return std, 2 * reach, noise
+def _noise_power(power: Floats, periods: int, count: int, samples: int, ar: Floats, fewest: int) -> tuple[Floats, int]:
+    """Return the noise power at each harmonic from the lines about it, and their number: P − 1, or `fewest` if more.
+
+    Above the mean (k = 0) all are on one side: below, the lines are the same ones mirrored.
+    """
+    half = max((periods - 1) // 2, (fewest + 1) // 2, 1)
+    away = np.arange(1, 4 * half + 4)
+    away = away[away % periods != 0][: 2 * half]
+    at = np.arange(count + 1) * periods
+    near = np.abs(at[:, None] + np.append(-away[:half], away[:half]))
+    near[0] = away
+    near = np.minimum(near, len(power) - 1)
+    mean = np.mean(power[near] / _shape(ar, near, samples), axis=1)
+    return np.asarray(mean * _shape(ar, at, samples)), 2 * half
+
+
+def _shape(ar: Floats, line: NDArray[np.intp], samples: int) -> Floats:
+    """Return the spectrum of an autoregression, up to a factor, at lines of the Fourier transform of that many samples."""
+    turn = np.exp(-2j * np.pi * line / samples)
+    return np.asarray(1 / np.abs(np.polynomial.polynomial.polyval(turn, np.append(1.0, -ar))) ** 2)
 
 
 def _sine_design(n: Floats, omega: float) -> Floats:
