@@ -223,6 +223,26 @@ CATALOGUE: dict[str, Explanation] = {
         "Write its path in the tree, such as `chain.0.den.1`; lists count from 0.",
         CONFIG,
     ),
+    "method-no-data": Explanation(
+        "No sample of any record may be used for estimation.",
+        "Give a part, or a record, `use: estimation` (it is the default).",
+        FAILED,
+    ),
+    "method-rates": Explanation(
+        "The method needs records of one sampling time.",
+        "Resample them alike (`{kind: resample}`, `{kind: decimate}`), or study them one by one.",
+        FAILED,
+    ),
+    "stage-no-linear-fit": Explanation(
+        "No stable transfer function goes through the measured frequency response.",
+        "Give other `orders:`; see the best linear approximation in the result: is the record long enough, the input excited?",
+        FAILED,
+    ),
+    "stage-no-split": Explanation(
+        "Poles and zeros of the linear approximation cannot be shared between front and back as asked.",
+        "Leave `orders:` out, or change them: complex pairs stay together, a block has no more zeros than poles.",
+        FAILED,
+    ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
         "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",

@@ -1,0 +1,84 @@
+"""Records as windows to fit: what counts, with a lead in front of it for the filters to settle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from whid.blocks.oversampled import NODES, finer
+from whid.errors import WhidError
+from whid.record import Record
+from whid.signal import Floats, held
+from whid.stages.cascade_fit import Window
+
+SHORTEST = 64  # samples: a stretch below is not worth its lead
+
+
+class Windows:
+    """The estimation parts of records of one rate."""
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self.records = [record for record in records if record.using("estimation").any()]
+        if not self.records:
+            raise WhidError("method-no-data", "no record has samples for estimation")
+        rates = {round(record.dt, 15) for record in self.records}
+        if len(rates) > 1:
+            raise WhidError("method-rates", f"records of {len(rates)} sampling times: {sorted(rates)} s")
+        self.dt = self.records[0].dt
+        self.lead = 0
+        self._finer: dict[tuple[int, int], Floats] = {}
+
+    @cached_property
+    def stretches(self) -> list[tuple[int, int, int]]:
+        """Return (record, start, stop) of every unbroken stretch, the longest first."""
+        found = []
+        for k, record in enumerate(self.records):
+            edges = np.flatnonzero(np.diff(record.using("estimation").astype(int), prepend=0, append=0))
+            found += [(k, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST]
+        if not found:
+            raise WhidError("stage-too-short", f"no unbroken stretch of {SHORTEST} samples for estimation")
+        return sorted(found, key=lambda item: item[1] - item[2])
+
+    @property
+    def signals(self) -> list[tuple[Floats, Floats]]:
+        """Return (u, y) of every stretch."""
+        return [(self.records[k].u[a:b], self.records[k].y[a:b]) for k, a, b in self.stretches]
+
+    @property
+    def samples(self) -> int:
+        """Return how many samples there are for estimation."""
+        return sum(int(record.using("estimation").sum()) for record in self.records)
+
+    def first(self, samples: int, factor: int = 1) -> list[Window]:
+        """Return the beginning of the longest stretch, or everything where that is not longer."""
+        k, start, stop = self.stretches[0]
+        if samples >= stop - start:
+            return self.every(factor)
+        return [self._window(k, start, start + samples, factor)]
+
+    def every(self, factor: int = 1) -> list[Window]:
+        """Return one window a record, from its first to its last estimation sample."""
+        found = []
+        for k, record in enumerate(self.records):
+            used = np.flatnonzero(record.using("estimation"))
+            found.append(self._window(k, int(used[0]), int(used[-1]) + 1, factor))
+        return [window for window in found if window.use.any()]
+
+    def _window(self, k: int, start: int, stop: int, factor: int) -> Window:
+        record, begin = self.records[k], max(0, start - self.lead)
+        use = record.using("estimation")[begin:stop].copy()
+        use[: start - begin] = False
+        if begin or record.initial != "steady":
+            use[: self.lead] = False  # the state before is not known
+        return Window(self._input(k, factor)[factor * begin : factor * stop], record.y[begin:stop], use, factor)
+
+    def _input(self, k: int, factor: int) -> Floats:
+        record = self.records[k]
+        if factor == 1:
+            return record.u
+        if (k, factor) not in self._finer:
+            course = held(record.u, record.dt, record.intersample, order=NODES)
+            self._finer[k, factor] = finer(course, factor).values
+        return self._finer[k, factor]

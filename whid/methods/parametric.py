@@ -1,0 +1,152 @@
+"""Filter, static curve, filter, from any excitation: nothing is known but the data."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge
+
+from whid.fit import Estimate
+from whid.methods._method import Method, Stages
+from whid.methods._sampled import from_cascade
+from whid.methods._windows import Windows
+from whid.record import Record
+from whid.stages._cascade import Cascade
+from whid.stages.allocation import Allocation, Split, allocation
+from whid.stages.best_linear import BestLinear, best_linear
+from whid.stages.between_samples import between_samples
+from whid.stages.cascade_fit import Window, bic, by_bend, cascade_fit, curve_through, evenly, reached, rms_error
+from whid.stages.descent import Step, descent
+from whid.stages.linear_fit import LinearFit, alternatives, linear_fit, matched
+from whid.system import System
+
+FEW, SOME = 10_000, 20_000  # samples of the first and of the second descent
+KNOTS = (8, 12, 20, 30)  # tried in turn while BIC falls
+TOTALS = range(1, 9)  # poles of the linear approximation that are tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonlinearity:
+    """The static curve: `spline` (smooth) or `hinges` (straight lines between free knots); knots left out: by BIC."""
+
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
+    kind: Literal["spline", "hinges"] = "spline"
+    knots: Annotated[int, Ge(3)] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parametric(Method):
+    """Filter, static curve, filter, from any excitation that moves: noise, multisine, steps.
+
+    y = G_back · f(G_front · u), G_front(0) = G_back(0) = 1. Best linear approximation, rational fit, all splits of its poles
+    and zeros between front and back scored by linear least squares, the best few refined on more and more data; Wiener and
+    Hammerstein systems are the splits that leave one side empty. Aliasing between the samples is looked for, and where it is
+    found the blocks run at twice the record's rate.
+
+    orders         poles of front and back; left out: from the data
+    nonlinearity   the static curve
+    oversampling   1, 2, …: the blocks' rate over the record's; left out: from the data
+    seed           of the random starts of the rational fit
+    """
+
+    orders: tuple[Annotated[int, Ge(0)], Annotated[int, Ge(0)]] | None = None
+    nonlinearity: Nonlinearity = Nonlinearity()
+    oversampling: Annotated[int, Ge(1)] | None = None
+    seed: Annotated[int, Ge(0)] = 0
+
+    def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
+        """Yield best linear approximation, linear fit, allocation, aliasing, descent; the Model last."""
+        data, way = Windows(records), _Way([])
+        bla = best_linear(data.signals, data.dt)
+        yield bla
+        fits = self._linear(bla)
+        yield fits[0]
+        data.lead = _settled(fits[0])
+        shared = [self._shared(data, fit, bla) for fit in fits]
+        best = min(shared, key=lambda found: found.rms[0])
+        yield best
+        few = data.first(FEW)
+        starts = [self._start(split) for found in shared for split in found.best]
+        ends = [way.down(few, evenly(start, reached(few, start), KNOTS[0])) for start in starts]
+        cascade = min(ends, key=lambda end: bic(few, end))
+        cascade = self._grown(data.first(SOME), cascade, way)
+        factor = self.oversampling or 1
+        if self.oversampling is None and data.records[0].intersample in ("bandlimited", "foh"):
+            found = between_samples(data.first(SOME)[0], cascade, data.dt)
+            yield found
+            factor = 2 if found.present else 1
+        if factor > 1:
+            cascade = way.down(data.first(SOME, factor), _faster(cascade, bla, factor))
+        every, knots = data.every(factor), len(cascade.curve.parameters())
+        if self.nonlinearity.kind == "spline":
+            cascade = by_bend(cascade, reached(every, cascade), knots)
+        cascade = way.down(every, cascade)
+        yield descent(way.steps)
+        yield from_cascade(cascade, way.estimate, factor, data.dt, ())
+
+    def _linear(self, bla: BestLinear) -> list[LinearFit]:
+        """Return the linear fit of the total order given, or the three of the best BIC."""
+        rng = np.random.default_rng(self.seed)
+        if self.orders is not None:
+            return [linear_fit(bla, [sum(self.orders)], rng)]
+        found = [linear_fit(bla, [total], rng) for total in TOTALS]
+        return sorted(found, key=lambda fit: float(fit.bic.min()))[:3]
+
+    def _shared(self, data: Windows, fit: LinearFit, bla: BestLinear) -> Allocation:
+        window = data.first(FEW)[0]
+        return allocation(window.u, window.y, window.use, alternatives(fit, bla), self.orders)
+
+    def _start(self, split: Split) -> Cascade:
+        """Return the cascade of a split, each side with room for as many zeros as poles."""
+        front, back = (h.padded(len(h.den)) for h in (split.front, split.back))
+        return Cascade(front, curve_through(self.nonlinearity.kind, split.points, split.heights), back)
+
+    def _grown(self, windows: list[Window], cascade: Cascade, way: _Way) -> Cascade:
+        """Return the cascade with as many knots as BIC pays for."""
+        tried = (self.nonlinearity.knots,) if self.nonlinearity.knots else KNOTS
+        best: Cascade | None = None
+        for knots in tried:
+            grown = way.down(windows, by_bend(cascade, reached(windows, cascade), knots))
+            if best is not None and bic(windows, grown) >= bic(windows, best):
+                break
+            best = cascade = grown
+        return cascade
+
+
+class _Way:
+    """The steps so far, and the estimate of the last."""
+
+    def __init__(self, steps: list[Step]) -> None:
+        self.steps = steps
+        self.estimate: Estimate
+
+    def down(self, windows: list[Window], start: Cascade) -> Cascade:
+        """Fit, and remember what it took."""
+        began = time.perf_counter()
+        cascade, self.estimate = cascade_fit(windows, start)
+        each = (time.perf_counter() - began) / max(self.estimate.iterations, 1)
+        samples, numbers = sum(w.samples for w in windows), len(cascade.curve.parameters())
+        rms = rms_error(windows, cascade)
+        self.steps.append(
+            Step(samples, windows[0].factor, numbers, rms, self.estimate.iterations, each, self.estimate.why_stop)
+        )
+        return cascade
+
+
+def _settled(fit: LinearFit) -> int:
+    """Return the samples after which the slowest pole has forgotten all but 1e-6."""
+    slowest = float(np.abs(fit.poles).max(initial=0.0))
+    return int(min(2000, np.ceil(np.log(1e-6) / np.log(slowest)))) if 0 < slowest < 1 else 100
+
+
+def _faster(cascade: Cascade, bla: BestLinear, factor: int) -> Cascade:
+    """Return the cascade at a higher rate: filters with the same response over the excited band."""
+    fast = [
+        matched(h.at(bla.omega * bla.dt), bla.omega * bla.dt / factor, len(h.num), len(h.den))
+        for h in (cascade.front, cascade.back)
+    ]
+    return Cascade(fast[0], cascade.curve, fast[1])

@@ -1,0 +1,84 @@
+"""Best linear approximation: the frequency response that explains most of an output, with what it leaves over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.errors import WhidError
+from whid.quantity import Quantity, Table
+from whid.signal import Floats
+
+Complexes = NDArray[np.complex128]
+OVERLAP = 1 + 2 / 36  # variance of an average of half-overlapping Hann windows, over that of as many separate ones
+
+
+class BestLinear(NamedTuple):
+    """Frequency response with standard error (noise and nonlinear distortion together), at the excited lines.
+
+    total is the standard deviation a single realisation of one window would have; noise the part of it that changes from
+    period to period (only periodic records tell it, NaN otherwise), distortion the rest.
+    """
+
+    omega: Annotated[Floats, Quantity("rad/s", ("omega",))]
+    response: Annotated[Complexes, Quantity("output/input", ("omega",), error="std")]
+    std: Annotated[Floats, Quantity("output/input", ("omega",))]
+    noise: Annotated[Floats, Quantity("output/input", ("omega",))]
+    coherence: Annotated[Floats, Quantity("1", ("omega",))]
+    averages: int
+    dt: Annotated[float, Quantity("s")]
+
+    def table(self) -> Table:
+        """Return the band and what is linear in it."""
+        low, high = self.omega[[0, -1]] / (2 * np.pi)
+        gain, std = np.abs(self.response).max(), np.median(self.std)
+        row = (
+            len(self.omega), float(f"{low:.4g}"), float(f"{high:.4g}"), self.averages, float(f"{gain:.4g}"),
+            float(f"{std:.3g}"), float(f"{np.median(self.coherence):.4g}"),
+        )  # fmt: skip
+        columns = ("lines", "from Hz", "to Hz", "averages", "largest gain", "median std", "median coherence")
+        return Table("Best linear approximation", columns, (row,))
+
+
+def best_linear(
+    stretches: Sequence[tuple[Floats, Floats]], dt: float, window: int = 2048, faintest: float = 1e-3
+) -> BestLinear:
+    """Return the response by Welch's cross-spectrum, standard errors from the coherence.
+
+    G = S_yu/S_uu, std² = |G|²(1 − γ²)/(2γ²·averages), γ² = |S_yu|²/(S_uu·S_yy): Hann windows, half overlapping. Lines
+    where S_uu < faintest·max are left out, and the two lowest (mean and trend).
+
+    stretches: (u, y) without gaps; window in samples, halved until there are eight. Raises `WhidError("stage-too-short")`.
+    Source [Bendat and Piersol 2010, Random Data], eq. (9.90); [Pintelon and Schoukens 2012], section 3.4.
+
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.normal(size=20000)
+    >>> found = best_linear([(u, 2 * u + 0.1 * rng.normal(size=20000))], 1.0, 256)
+    >>> bool(np.mean(np.abs(found.response - 2) ** 2 / (2 * found.std**2)) < 1.2)
+    True
+    """
+    while window > 64 and _count(stretches, window) < 8:
+        window //= 2
+    count = _count(stretches, window)
+    if count < 3:
+        raise WhidError("stage-too-short", f"no three windows of {window} samples fit into the estimation parts")
+    suu, syy, suy = np.zeros(window // 2 + 1), np.zeros(window // 2 + 1), np.zeros(window // 2 + 1, complex)
+    taper = np.hanning(window + 1)[:-1]
+    for u, y in stretches:
+        for start in range(0, len(u) - window + 1, window // 2):
+            a, b = (np.fft.rfft(taper * (x[start : start + window] - x[start : start + window].mean())) for x in (u, y))
+            suu, syy, suy = suu + np.abs(a) ** 2, syy + np.abs(b) ** 2, suy + np.conj(a) * b
+    line = np.arange(window // 2 + 1)
+    keep = (line >= 2) & (line < window // 2) & (suu > faintest * suu.max())
+    response, averages = suy[keep] / suu[keep], count / OVERLAP
+    coherence = np.clip(np.abs(suy[keep]) ** 2 / np.maximum(suu * syy, 1e-300)[keep], 1e-12, 1 - 1e-12)
+    std = np.abs(response) * np.sqrt((1 - coherence) / (2 * coherence * averages))
+    omega = 2 * np.pi * line[keep] / (window * dt)
+    return BestLinear(omega, response, std, np.full(len(omega), np.nan), coherence, count, dt)
+
+
+def _count(stretches: Sequence[tuple[Floats, Floats]], window: int) -> int:
+    return sum(max(0, (len(u) - window) // (window // 2) + 1) for u, _ in stretches)
