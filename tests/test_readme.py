@@ -32,7 +32,7 @@ def alike(printed, line):
 
 
 def alike_words(printed, line):
-    words = [re.sub(r"\s+", " ", NUMBER.sub("#", text)).strip() for text in (printed, line)]
+    words = [re.sub(r"─+", "─", re.sub(r"\s+", " ", NUMBER.sub("#", text))).strip() for text in (printed, line)]
     numbers = [[float(x) for x in NUMBER.findall(text)] for text in (printed, line)]
     return words[0] == words[1] and numbers[0] == pytest.approx(numbers[1], rel=0.02, abs=1e-3)
 

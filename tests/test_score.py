@@ -13,7 +13,7 @@ from whid.fit import linear_least_squares
 from whid.methods._method import Model
 from whid.record import Record
 from whid.residual import residual
-from whid.score import linear_gain, score
+from whid.score import doubts, linear_gain, score
 from whid.system import System
 
 ESTIMATE = linear_least_squares(np.ones((2, 1)), np.ones(2), np.ones(2), ["chain.0.num.0"])
@@ -69,3 +69,13 @@ def test_residual_is_missing_where_the_output_is():
     record = Record(u=np.ones(3), y=np.array([1.0, np.nan, 3.0]), dt=1.0, valid=np.array([True, False, True]))
     left = residual(Linear(num=(2.0,), den=(1.0,)), record)
     assert np.array_equal(left, [-1.0, np.nan, 1.0], equal_nan=True)
+
+
+def test_what_speaks_against_a_model_is_said():
+    model = Model(System(chain=(Linear(num=(1.0,), den=(1.0,)),)), ESTIMATE._replace(chi2=4.0, dof=2))
+    assert list(doubts(model, {"estimation.nrmse": 0.1})) == []
+    poor = model._replace(estimate=ESTIMATE._replace(chi2=80.0, dof=2, why_stop="iteration limit"))
+    misfit, useless, unfinished = doubts(poor, {"estimation.nrmse": 1.2})
+    assert "χ²/dof 40" in misfit
+    assert "constant" in useless
+    assert "limit" in unfinished

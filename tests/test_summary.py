@@ -92,3 +92,22 @@ def test_a_sampled_study_says_so(tmp_path, monkeypatch):
     assert sampled.provenance["path"] == "sampled"
     # the model is the plant: on the same path only noise is left (2620 samples: 0.06 is four standard errors)
     assert sampled.metrics["estimation.rms"] == pytest.approx(0.05, rel=0.06)
+
+
+def test_headings_carry_the_units_of_the_records(result):
+    assert "rms" in table(result, "Fit").columns
+    measured = tuple(replace(record, units={"input": "V", "output": "l/min"}) for record in result.records)
+    assert {"rms, l/min", "fit, %"} <= set(table(replace(result, records=measured), "Fit").columns)
+    mixed = (*result.records, *measured)
+    assert "rms" in table(replace(result, records=mixed), "Fit").columns
+
+
+def test_the_note_on_single_frequencies_names_one_that_is_there(result):
+    found = table(replace(result, metrics={"front.gain@0.7": 1.0, "back.gain@1.4": 1.0}), "Metrics")
+    assert found.rows == ()
+    assert "`front.gain@0.7`" in found.notes[0]
+
+
+def test_the_parameters_stand_in_the_order_of_the_chain(result):
+    names = [row[0] for row in table(result, "Model").rows]
+    assert [name.split(".")[1] for name in names] == sorted(name.split(".")[1] for name in names)

@@ -193,6 +193,8 @@ class _Work:
         self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
         for stage in self.stages.values():
             self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
+            self.warnings += stage.doubts() if hasattr(stage, "doubts") else ()
+        self.warnings += score.doubts(model, self.metrics)
         self.clock.tick("score")
         self.warnings += _doubts([_open(record) for record in self.records])
 

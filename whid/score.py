@@ -16,6 +16,7 @@ from whid.stages.identifiability import distinct
 from whid.system import System
 
 Metrics = dict[str, float | Measured]
+MISFIT = 3.0  # χ²/dof: errors understated by √3 and more, at any number of degrees of freedom that matters
 
 
 def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], truth: System | None = None) -> Metrics:
@@ -34,6 +35,20 @@ def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], 
             nrmse = rms(error) / rms(spread) if rms(spread) > 0 else float("nan")
             metrics |= {f"{use}.rms": rms(error), f"{use}.nrmse": nrmse, f"{use}.fit": 100 * (1 - nrmse)}
     return metrics | (dict(_against(model.system, records, truth)) if truth else {})
+
+
+def doubts(model: Model, metrics: Metrics) -> Iterator[str]:
+    """Yield what speaks against a model: data that it does not explain, no better than a constant, no minimum."""
+    estimate, nrmse = model.estimate, metrics.get("estimation.nrmse", 0.0)
+    if estimate.dof > 0 and estimate.chi2 > MISFIT * estimate.dof:
+        yield (
+            f"the model does not explain what it was fitted to: χ²/dof {estimate.chi2 / estimate.dof:.3g}, so its standard "
+            "errors are too small"
+        )
+    if isinstance(nrmse, float) and nrmse >= 1:
+        yield f"the model explains the output no better than a constant does (nrmse {nrmse:.3g})"
+    if estimate.why_stop == "iteration limit":
+        yield "the fit stopped at its iteration limit: its numbers may not be those of a minimum"
 
 
 def units(metric: str) -> str:

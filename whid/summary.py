@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,32 @@ from whid.result import Result
 from whid.tables import markdown
 
 USES = ("estimation", "selection", "report")
+NAMES = "a name is a path, counted from 0: chain.1.pieces.0.2 is block 1, piece 0, u²; num and den fall in powers of s"
 IN_SAMPLE = "no report part: these errors are in sample, not evidence"
 
 
 def tables(result: Result) -> tuple[Table, ...]:
     """Return the tables of a summary; a stage adds its own by a method `table() -> Table`."""
-    return tuple(table for table in _all(result) if table.rows or table.notes)
+    units = _units(result.records)
+    return tuple(_in_units(table, units) for table in _all(result) if table.rows or table.notes)
+
+
+def _units(records: Sequence[Record]) -> dict[str, str]:
+    """Return the unit of input and output, "1" where records differ."""
+    found = {role: {record.units.get(role, "1") for record in records} for role in ("input", "output")}
+    return {role: units.pop() if len(units) == 1 else "1" for role, units in found.items()}
+
+
+def _in_units(table: Table, units: Mapping[str, str]) -> Table:
+    """Return a table whose headings `mean, output` name the record's unit, or none where it has none."""
+
+    def heading(text: str) -> str:
+        what, comma, unit = text.rpartition(", ")
+        if not comma or unit not in units:
+            return text
+        return f"{what}, {units[unit]}" if units[unit] != "1" else what
+
+    return table._replace(columns=tuple(map(heading, table.columns)))
 
 
 def page(result: Result) -> str:
@@ -83,7 +103,7 @@ def _study(result: Result) -> Table:
     if result.truth is not None:
         noise = "; ".join(_words(plain(noise)) for noise in result.truth.noise)
         rows.append(("noise", noise or "none"))
-    rows += [(f"record {record.name}", _record(record)) for record in result.records]
+    rows += [("record" if r.name == "record" else f"record {r.name}", _record(r)) for r in result.records]
     return Table(f"Study {result.name}", ("what", "value"), tuple(rows), tuple(origin.get("notes", ())))
 
 
@@ -117,7 +137,8 @@ def _model(result: Result) -> Table:
     chain = " → ".join(block.kind for block in model.system.chain)
     fit = f"{chain}; normalisation {model.normalisation}; χ²/dof {_ratio(estimate)}, stopped: {estimate.why_stop}"
     columns = ("parameter", "estimate", *(("truth",) if truth else ()))
-    return Table("Model", columns, tuple(rows), (fit, *(f"not known: {what}" for what in model.missing)))
+    rows.sort(key=lambda row: [int(x) if x.isdecimal() else x for x in row[0].split(".")])
+    return Table("Model", columns, tuple(rows), (NAMES, fit, *(f"not known: {what}" for what in model.missing)))
 
 
 def _ratio(estimate: Any) -> str:
@@ -161,14 +182,24 @@ def _fit(result: Result) -> Table:
     whats = tuple(dict.fromkeys(name.split(".", 1)[1] for name in found))
     uses = [use for use in USES if any(name.startswith(f"{use}.") for name in found)]
     rows = tuple((use, *(found.get(f"{use}.{what}") for what in whats)) for use in uses)
-    return Table("Fit", ("on", *whats), rows, (IN_SAMPLE,) if rows and "report" not in uses else ())
+    headings = {"rms": "rms, output", "fit": "fit, %"}
+    return Table(
+        "Fit",
+        ("on", *(headings.get(what, what) for what in whats)),
+        rows,
+        (IN_SAMPLE,) if rows and "report" not in uses else (),
+    )
 
 
 def _metrics(result: Result) -> Table:
     shown = {name: value for name, value in result.metrics.items() if name.split(".")[0] not in USES and "@" not in name}
-    single = sum("@" in name for name in result.metrics)
-    note = f"and {single} gains and phases at single frequencies, `front.gain@0.02`: in result.h5 and --json"
-    return Table("Metrics", ("metric", "value"), tuple(shown.items()), (note,) if single else ())
+    single = [name for name in result.metrics if "@" in name]
+    notes = (
+        (f"{len(single)} gains and phases at single frequencies, such as `{single[0]}`: in result.h5, --json",)
+        if single
+        else ()
+    )
+    return Table("Metrics", ("metric", "value"), tuple(shown.items()), notes)
 
 
 def _asked(result: Result) -> Table:

@@ -8,6 +8,8 @@ from typing import Any
 
 from whid.quantity import Cell, Measured, Table
 
+EXACT = 1e-13  # relative: a standard error below is rounding
+
 
 def cell(value: Cell) -> str:
     """Return a cell as people read it; a `Measured` by `measured`.
@@ -29,8 +31,10 @@ def measured(value: float, std: float) -> str:
 
     >>> measured(31.2537, 0.00412), measured(-1234.5, 120.0), measured(2.5e-7, 3.1e-9), measured(1.5, math.inf)
     ('31.2537 ± 0.0041', '-1230 ± 120', '(2.500 ± 0.031)e-07', '1.5 ± not determined')
+    >>> measured(5.0, 1e-16), measured(-0.01, 2.0)  # a clipped sensor has no noise
+    ('5', '0.0 ± 2.0')
     """
-    if not math.isfinite(value) or std == 0 or math.isnan(std):
+    if not math.isfinite(value) or math.isnan(std) or std <= EXACT * abs(value):
         return cell(float(value))
     if math.isinf(std):
         return f"{value:.6g} ± not determined"
@@ -38,7 +42,7 @@ def measured(value: float, std: float) -> str:
     shared = power if not -4 <= power < 6 else 0
     value, std = value / 10.0**shared, std / 10.0**shared
     decimals = 1 - math.floor(math.log10(float(f"{std:.1e}")))  # of the rounded error: 0.0996 is 0.10
-    value, std = round(value, decimals), round(std, decimals)
+    value, std = round(value, decimals) + 0.0, round(std, decimals)  # never −0
     text = f"{value:.{max(decimals, 0)}f} ± {std:.{max(decimals, 0)}f}"
     return f"({text})e{shared:+03d}" if shared else text
 
@@ -55,9 +59,10 @@ def markdown(table: Table) -> str:
     """
     right = numeric(table)
     lines = [f"### {table.title}", ""] if table.title else []
-    lines.append(_row(table.columns))
-    lines.append("|" + "|".join("--:" if number else ":--" for number in right) + "|")
-    lines += [_row(cell(value) for value in row) for row in table.rows]
+    if table.rows:
+        lines.append(_row(table.columns))
+        lines.append("|" + "|".join("--:" if number else ":--" for number in right) + "|")
+        lines += [_row(cell(value) for value in row) for row in table.rows]
     return "\n".join(lines + [f"\n{note}" for note in table.notes])
 
 

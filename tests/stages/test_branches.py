@@ -28,7 +28,8 @@ def test_a_backlash_is_memory():
     assert found.level.tolist() == list(range(10))  # the turning point is reached one way only
     assert found.gap == pytest.approx(np.full(10, 0.4), abs=4 * 0.1 * np.sqrt(2))
     assert found.gap_std == pytest.approx(np.full(10, 0.1 * np.sqrt(2)))
-    assert found.table().notes[1] == "memory"
+    assert found.table().notes[-1] == "memory, or a drift"
+    assert "second staircase" in found.doubts()[0]
 
 
 def test_a_gap_within_the_settling_band_is_reported_but_not_claimed():

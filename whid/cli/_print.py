@@ -33,7 +33,8 @@ def print_tables(*tables: Table) -> None:
                 console.print()
             if table.title:
                 console.print(Text(table.title, "bold"))
-            console.print(_rich(table))
+            if table.rows:
+                console.print(_rich(table))
             for note in table.notes:
                 console.print(Text(note))
     print("\n".join(line.rstrip() for line in captured.get().splitlines()))

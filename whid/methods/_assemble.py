@@ -95,9 +95,12 @@ def from_rational(
     return Model(System(chain=blocks), order._replace(null_directions=empty), normalisation, missing)
 
 
-def from_lags(found: Lags, f: Block, pieces: Segmentation, normalisation: str, missing: tuple[str, ...]) -> Model:
-    """Return the chosen lag in front of f or behind it, and f as the levels gave it."""
+def from_lags(
+    found: Lags, f: Block, pieces: Segmentation, noise_std: float, normalisation: str, missing: tuple[str, ...]
+) -> Model:
+    """Return the chosen lag in front of f or behind it, and f as the levels gave it; χ² against the levels' noise."""
     front, e, seg = found.place[found.chosen] == "front", found.estimate, pieces.estimate
+    e = e._replace(chi2=e.chi2 / noise_std**2 if noise_std else float("nan"))
     names = tuple(f"chain.{0 if front else 1}.den.{len(e.names) - 1 - k}" for k in range(len(e.names)))
     if isinstance(f, Piecewise):
         both = np.zeros((len(names) + len(seg.names),) * 2)

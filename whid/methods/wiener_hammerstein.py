@@ -111,7 +111,7 @@ class WienerHammerstein(Method):
         number[~record.using("estimation")] = -1
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
-        yield assemble.from_lags(found, f, pieces, self.normalisation, self._missing_steps(found))
+        yield assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, self._missing_steps(found))
 
     def _missing(self, left: bool, affine: bool) -> tuple[str, ...]:
         missing = []

@@ -33,16 +33,22 @@ class BranchGap(NamedTuple):
             (float(f"{u:.6g}"), Measured(float(g), float(s)), "*" if hit else "")
             for u, g, s, hit in zip(self.level, self.gap, self.gap_std, self.significant, strict=True)
         )
+        columns = ("level, input", "gap, output", "")
         if not self.dof:
-            return Table(
-                "Up minus down", ("level", "gap", ""), (), ("no level was reached both ways: memory cannot be seen",)
-            )
+            return Table("Up minus down", columns, (), ("no level was reached both ways: memory cannot be seen",))
         test = f"χ²({self.dof}) = {self.chi2:.3g}, p = {self.p:.2g}"
-        figures = f"largest gap {self.largest:.3g}, {100 * self.share:.2g} % of the span; {test}"
+        figures = f"largest gap {self.largest:.3g}, {100 * self.share:.3g} % of the span; {test}"
         small = "; no more than slow drift or settling explain" if self.significant.any() else ""
-        return Table(
-            "Up minus down", ("level", "gap", ""), rows, (figures, "memory" if self.memory else f"no memory claimed{small}")
-        )
+        marked = ("* differs beyond noise",) if self.significant.any() else ()
+        verdict = "memory, or a drift" if self.memory else f"no memory claimed{small}"
+        return Table("Up minus down", columns, rows, (*marked, figures, verdict))
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return what a model without memory leaves out."""
+        if not self.memory:
+            return ()
+        found = f"up and down branches differ by {self.largest:.3g} ({100 * self.share:.3g} % of the span)"
+        return (f"{found}: memory (relay, backlash) or a drift, which a static f does not have; a second staircase tells",)
 
 
 def branch_gap(curve: StaticCurve, significance: float = 0.01, settled_within: float = 0.02) -> BranchGap:

@@ -57,7 +57,8 @@ class Lags(NamedTuple):
                 f"front or back: the level transitions cannot tell (margin {self.margin:.2g} nats, {DECIDED:g} would)"
             )
         return Table(
-            "Lag from the level transitions", ("lag", "order", "a₁, s", "a₂, s²", "rms, fitted", "rms, held back"),
+            "Lag from the level transitions",
+            ("lag", "order", "a₁, s", "a₂, s²", "rms fitted, output", "rms held back, output"),
             rows, tuple(notes),
         )  # fmt: skip
 

@@ -44,7 +44,7 @@ class StaticCurve(NamedTuple):
         notes += [f"{self.drifting.sum()} of {len(self.level)} levels still drift: their errors include it"] * any(
             self.drifting
         )
-        return Table("Static curve", ("level", "reached", "mean", "samples"), rows, tuple(notes))
+        return Table("Static curve", ("level, input", "reached", "mean, output", "samples"), rows, tuple(notes))
 
 
 def level_means(

@@ -61,7 +61,7 @@ class Harmonics(NamedTuple):
                 rows.append((int(k), Measured(float(value.real) if k == 0 else size, float(std)), phase))
         length = f"{self.periods} periods of {self.period:.6g} samples, orders to {self.order[-1]}"
         notes = (f"{length}, noise std {self.noise_std:.3g}",)
-        return Table("Harmonics", ("order", "amplitude", "phase rad"), tuple(rows), notes)
+        return Table("Harmonics", ("order", "amplitude, output", "phase, rad"), tuple(rows), notes)
 
 
 class SineFit(NamedTuple):
@@ -81,7 +81,7 @@ class SineFit(NamedTuple):
         """Return one row of the four numbers."""
         names = ("offset", "amplitude", "phase", "period")
         row = tuple(Measured(getattr(self, name), getattr(self, f"{name}_std")) for name in names)
-        return Table("Sine", ("offset", "amplitude", "phase rad", "period samples"), (row,))
+        return Table("Sine", ("offset, input", "amplitude, input", "phase, rad", "period, samples"), (row,))
 
 
 def period_average(y: Floats, period: float, skip: int = 1, count: int = 20) -> PeriodAverage:

@@ -57,7 +57,7 @@ class Segmentation(NamedTuple):
         notes += (
             ["a kink is the simplest reading: a jump inside its gap fits the levels as well"] if not self.jump.all() else []
         )
-        return Table("Pieces of the static curve", (*powers, "ends in", "at"), tuple(rows), tuple(notes))
+        return Table("Pieces of the static curve", (*powers, "ends in", "at, input"), tuple(rows), tuple(notes))
 
 
 def segment(curve: StaticCurve, max_degree: int = 3, price: float = 10.8) -> Segmentation:

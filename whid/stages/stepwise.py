@@ -39,13 +39,20 @@ class Stepwise(NamedTuple):
                 Measured(float(g), float(s)) if np.isfinite(g) else None
                 for g, s in zip(self.back_gain[e], self.back_gain_std[e], strict=True)
             ]
-            rows.append((float(w), Measured(float(self.front_gain[e]), float(self.front_gain_std[e])), *backs))
-        return Table("Stepwise estimate (as in the paper)", columns, tuple(rows))
+            front = self.front_gain[e]
+            rows.append(
+                (float(w), Measured(float(front), float(self.front_gain_std[e])) if np.isfinite(front) else None, *backs)
+            )
+        blank = (
+            "blank: not to be had step by step; |G_front| needs a piece of degree 2, where it moves the mean of the output"
+        )
+        return Table("Stepwise estimate (as in the paper)", columns, tuple(rows), (blank,) if None in sum(rows, ()) else ())
 
     def metrics(self) -> dict[str, Measured]:
         """Return every gain by name, `stepwise.front.gain@0.02`."""
         found: dict[str, Measured] = {}
-        for e, w in enumerate(self.omega):
+        for e in np.flatnonzero(np.isfinite(self.front_gain)):
+            w = self.omega[e]
             found[f"stepwise.front.gain@{w:.6g}"] = Measured(float(self.front_gain[e]), float(self.front_gain_std[e]))
         for k, (column, errors) in enumerate(zip(self.back_gain.T, self.back_gain_std.T, strict=True), 1):
             for w, g, s in zip(self.omega, column, errors, strict=True):
