@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +11,10 @@ from whid.record import Record
 from whid.signal import Floats
 from whid.stages._inner_harmonics import held_sine
 from whid.stages._responses import Responses, StaticPart
+from whid.stages.identifiability import nearest
 from whid.stages.levels import StaticCurve
 from whid.stages.periods import Harmonics, harmonics
+from whid.stages.rational import Orders, Rational, rational
 from whid.stages.segmentation import Segmentation
 
 
@@ -49,9 +51,9 @@ def gather(records: Sequence[Record], settle: float, highest: int, colour: dict[
     return found
 
 
-def pieces_under(pieces: Segmentation, sine: Sine) -> tuple[int, int]:
-    """Return the first and the last piece that a sine covers if the front block does not amplify it."""
-    reach = sine.offset + np.array([-1, 1]) * abs(sine.phasor)
+def pieces_under(pieces: Segmentation, sine: Sine, gain: float = 1.0) -> tuple[int, int]:
+    """Return the first and the last piece that a sine covers behind a front block of that gain."""
+    reach = sine.offset + np.array([-1, 1]) * abs(sine.phasor) * gain
     low, high = np.searchsorted(pieces.breaks, reach)
     return int(low), int(high)
 
@@ -68,13 +70,14 @@ def degree_under(pieces: Segmentation, sine: Sine) -> int:
 
 
 def responses_of(
-    sines: Sequence[Sine], pieces: Segmentation, curve: StaticCurve, left: Sequence[bool]
+    sines: Sequence[Sine], pieces: Segmentation, curve: StaticCurve, left: Sequence[bool], gain: Floats
 ) -> tuple[StaticPart, Responses]:
     """Return f where the sines run, and their harmonics: to the piece's degree, or all where a break is crossed.
 
-    A sine that has left its piece, by its harmonics above the degree, takes the neighbouring pieces in.
+    A sine that has left its piece, by its harmonics above the degree, takes the neighbouring pieces in. gain: of the front
+    block, as far as it is known to be above 1.
     """
-    spans = [pieces_under(pieces, sine) for sine in sines]
+    spans = [pieces_under(pieces, sine, g) for sine, g in zip(sines, gain, strict=True)]
     low = max(min(a - gone for (a, _), gone in zip(spans, left, strict=True)), 0)
     high = min(max(b + gone for (_, b), gone in zip(spans, left, strict=True)), len(pieces.degrees) - 1)
     breaks = pieces.breaks[low:high]
@@ -100,10 +103,71 @@ def responses_of(
     )
 
 
-def reached(static: StaticPart, responses: Responses) -> tuple[int, ...]:
-    """Return the breaks of the part that a sine crosses: the sine locates those, the others only lie in their gap."""
-    crossed = np.abs(static.breaks[:, None] - responses.offset) < np.abs(responses.phasor)
-    return tuple(int(k) for k in np.flatnonzero(crossed.any(axis=1)))
+class ChainData(NamedTuple):
+    """What the joint fits were fitted to, and which breaks of the part the sines cross and so locate."""
+
+    static: StaticPart
+    responses: Responses
+    crossed: tuple[int, ...]
+    opened: Floats  # breaks that the levels read as kinks and the sines as jumps
+
+
+def fit_chain(
+    sines: Sequence[Sine],
+    pieces: Segmentation,
+    curve: StaticCurve,
+    left: Sequence[bool],
+    samples: int,
+    orders: Orders | None,
+) -> tuple[ChainData, Rational]:
+    """Fit f, front and back to levels and sines, with as many pieces as v reaches.
+
+    Where the fitted front block carries v over more breaks than u reaches, their pieces are taken in and all is fitted
+    anew. Where the harmonics contradict a kink that they cross, it may be a jump: if that explains them, it is one.
+    """
+    gain = np.ones(len(sines))
+    for _ in range(3):
+        static, responses = responses_of(sines, pieces, curve, left, gain)
+        crossed = _crossed(static, responses, gain)
+        fit = rational(static, responses, samples, orders, free_breaks=crossed, back=not is_affine(static))
+        amplified = np.maximum(gain, fit.front_gain[[nearest(fit.front_omega, s.omega) for s in sines]])
+        if all(
+            pieces_under(pieces, s, a) == pieces_under(pieces, s, g) for s, a, g in zip(sines, amplified, gain, strict=True)
+        ):
+            break
+        gain = amplified
+    suspects = sorted({*static.kinks} & {*crossed})
+    if suspects and not fit.explained:
+        wider = static._replace(kinks=tuple(k for k in static.kinks if k not in suspects))
+        other = rational(wider, responses, samples, orders, free_breaks=crossed)
+        if other.estimate.chi2 < fit.estimate.chi2 - 10.8 * len(suspects):
+            return ChainData(wider, responses, crossed, static.breaks[suspects]), other
+    return ChainData(static, responses, crossed, np.empty(0)), fit
+
+
+def is_affine(static: StaticPart) -> bool:
+    """Tell whether the sines stay on one affine piece."""
+    return not len(static.breaks) and max(static.degrees) < 2
+
+
+def _crossed(static: StaticPart, responses: Responses, gain: Floats) -> tuple[int, ...]:
+    near = np.abs(static.breaks[:, None] - responses.offset) < np.abs(responses.phasor) * gain
+    return tuple(int(k) for k in np.flatnonzero(near.any(axis=1)))
+
+
+def on_each_piece(static: StaticPart, responses: Responses) -> Iterator[Responses]:
+    """Yield the sines piece by piece."""
+    under = np.searchsorted(static.breaks, responses.offset)
+    for piece in np.unique(under):
+        here = np.flatnonzero(under == piece)
+        arrays = {name: getattr(responses, name)[here] for name in ("omega", "offset", "phasor", "value", "value_std")}
+        yield Responses(**arrays, orders=tuple(responses.orders[e] for e in here))
+
+
+def unseen(pieces: Segmentation, data: ChainData) -> list[int]:
+    """Return the kinks that no sine crosses."""
+    first = int(np.searchsorted(pieces.breaks, data.static.breaks[0])) if len(data.static.breaks) else 0
+    return [int(k) for k in np.flatnonzero(~pieces.jump) if k - first not in data.crossed]
 
 
 def above_noise(responses: Responses, times: float = 5.0) -> Responses:

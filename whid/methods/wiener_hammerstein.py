@@ -12,7 +12,18 @@ from annotated_types import Ge, Gt
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
 from whid.methods._method import Method, Stages
-from whid.methods._sines import Sine, above_noise, degree_under, gather, is_smooth, reached, responses_of
+from whid.methods._sines import (
+    ChainData,
+    Sine,
+    above_noise,
+    degree_under,
+    fit_chain,
+    gather,
+    is_affine,
+    is_smooth,
+    on_each_piece,
+    unseen,
+)
 from whid.predict import input_signal
 from whid.record import Record
 from whid.stages.branches import branch_gap
@@ -21,7 +32,7 @@ from whid.stages.identifiability import identifiability
 from whid.stages.joint import joint
 from whid.stages.lags import Lags, lags
 from whid.stages.levels import StaticCurve, level_means
-from whid.stages.rational import rational
+from whid.stages.rational import Rational
 from whid.stages.segmentation import Segmentation, segment
 from whid.stages.settle import settle_time
 from whid.stages.stepwise import stepwise
@@ -86,19 +97,19 @@ class WienerHammerstein(Method):
                 floor = harmonic_floor(sine.harmonics, degree_under(pieces, sine))
                 yield floor
                 left[i] = floor.p < LEFT / len(sines)
-        static, responses = responses_of(sines, pieces, curve, left)
-        yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
-        if all(is_smooth(pieces, sine) for sine in sines):
-            yield stepwise(static, responses)
         orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else None
-        affine = not len(static.breaks) and max(static.degrees) < 2
         samples = sum(int(record.using("estimation").sum()) for record in records)
-        crossed = reached(static, responses)
-        fit = rational(static, responses, samples, orders, free_breaks=crossed, back=not affine)
+        data, fit = fit_chain(sines, pieces, curve, left, samples, orders)
+        static, responses = data.static, data.responses
+        yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
+        if all(is_smooth(pieces, sine) for sine in sines) and not any(left):
+            for same in on_each_piece(static, responses):
+                yield stepwise(static, same)
         yield fit
-        if not affine:
-            yield joint(static, above_noise(responses), fit, crossed)
-        yield assemble.from_rational(fit, static, pieces, self.normalisation, self._missing(any(left), affine))
+        if not is_affine(static):
+            yield joint(static, above_noise(responses), fit, data.crossed)
+        missing = self._missing(any(left), data, fit) + tuple(pieces.assumed(unseen(pieces, data)))
+        yield assemble.from_rational(fit, static, pieces, self.normalisation, missing)
 
     def _from_steps(self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float) -> Stages:
         """What a staircase alone tells: the transitions between levels."""
@@ -111,11 +122,13 @@ class WienerHammerstein(Method):
         number[~record.using("estimation")] = -1
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
-        yield assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, self._missing_steps(found))
+        yield assemble.from_lags(
+            found, f, pieces, curve.noise_std, self.normalisation, self._missing_steps(found) + tuple(pieces.assumed())
+        )
 
-    def _missing(self, left: bool, affine: bool) -> tuple[str, ...]:
+    def _missing(self, left: bool, data: ChainData, fit: Rational) -> tuple[str, ...]:
         missing = []
-        if affine:
+        if is_affine(data.static):
             missing.append(
                 "only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint"
             )
@@ -123,12 +136,29 @@ class WienerHammerstein(Method):
             missing.append(
                 "a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted"
             )
+        if len(data.opened):
+            where = ", ".join(f"{b:.4g}" for b in data.opened)
+            missing.append(f"the levels show a kink about {where}, but the sines that cross it show a jump there")
+        if not fit.explained:
+            missing.append(
+                f"levels and harmonics together are not explained by f, front and back as found: χ²/dof "
+                f"{fit.estimate.reduced_chi2:.3g}; the standard errors do not hold"
+            )
+        if fit.estimate.why_stop != "converged" or fit.agreeing < 2:
+            missing.append(
+                f"the joint fit may not have found its best minimum: {fit.estimate.why_stop}, {fit.agreeing} of "
+                f"{fit.starts} starts agree"
+            )
+        if fit.rivals():
+            missing.append(
+                f"orders are uncertain; zeros/poles of front, of back within 6 of the best BIC: {'; '.join(fit.rivals())}"
+            )
         return tuple(missing)
 
     def _missing_steps(self, found: Lags) -> tuple[str, ...]:
         missing = [
-            "no sines that move the output beyond noise: the frequency responses of front and back are those of one lag, not "
-            "measured ones"
+            "no sines that move the output beyond noise: the frequency responses of front and back are those of one lag, "
+            "not measured ones"
         ]
         if not found.decided:
             missing.append(

@@ -86,6 +86,16 @@ def _meeting(pair: Layout, price: float) -> float:
     return float(where[np.argmin(cost)]) if cost.min() <= price else float("nan")
 
 
+def hidden_jump(layout: Layout, k: int) -> float:
+    """Return the largest jump anywhere in the gap of border k that the levels allow (95 %), its pieces fitted apart."""
+    pair = layout.pair(k)
+    free = linear_least_squares(pair.design(pair.knots), pair.mean, pair.weight)
+    where = np.linspace(pair.z[pair.cuts[0] - 1], pair.z[pair.cuts[0]], 65)
+    rows = difference(where, int(pair.degrees[0]) + 1, int(pair.degrees[1]) + 1)
+    std = np.sqrt(np.einsum("ij,jk,ik->i", rows, free.covariance, rows))
+    return float(np.max(np.abs(rows @ free.values) + 1.96 * std))
+
+
 def difference(z: Floats, left: int, right: int) -> Floats:
     """Return rows that give right − left at z from the coefficients of two neighbouring pieces."""
     return np.hstack([-_powers(z, left - 1), _powers(z, right - 1)])

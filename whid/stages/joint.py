@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 class Joint(NamedTuple):
     """Frequency responses of both blocks where the sines reach them, and f on the levels.
 
-    Phases stand in the gauge of the start values; phase_std leaves the free directions of the gauge out.
+    Phases are as near to the gauge's as the data allow; phase_std holds the gauge's own error along what they leave free.
     """
 
     front_omega: Annotated[Floats, Quantity("rad/s", dims=("front_omega",))]
@@ -46,8 +46,11 @@ class Joint(NamedTuple):
         fit = f"χ²/dof {self.estimate.chi2:.1f}/{self.estimate.dof}, rank {self.estimate.rank} of {len(self.estimate.names)}"
         return Table(
             "Joint estimate at the measured frequencies", ("block", "ω, rad/s", "|G(jω)|", "arg G(jω), rad"),
-            tuple(rows), (fit, f"gauge of the phases: {self.gauge}"),
+            tuple(rows), (fit, f"gauge of the phases: {self.gauge}", *self._stopped()),
         )  # fmt: skip
+
+    def _stopped(self) -> tuple[str, ...]:
+        return () if self.estimate.why_stop == "converged" else (f"not converged: {self.estimate.why_stop}",)
 
     def metrics(self) -> dict[str, Measured]:
         """Return every gain and phase by name, `joint.front.gain@0.02`."""
@@ -58,8 +61,8 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
     """Fit f, G_front(jω) and G_back(jkω) to levels and complex harmonics; never to angles, which wrap.
 
     min Σ_levels (f(U) − mean)²/std² + Σ_sines,k |A_k(|x|) e^{jk arg x} G_back(jkω) − H_k|²/std², x = phasor·G_front(jω).
-    gauge: the rational fit to the same data, the start; along directions that the data leave free its phases stay, with its
-    standard errors. Source [Brouri2019], eqs. (3.23)-(3.24), fitted as complex numbers.
+    gauge: the rational fit to the same data, the start; along directions that the data leave free its phases are taken, with
+    their standard errors. Source [Brouri2019], eqs. (3.23)-(3.24), fitted as complex numbers.
     """
     omegas = frequencies(responses)
     among = np.array([nearest(gauge.back_omega, w) for w in omegas[1]])
@@ -74,7 +77,9 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
     skip = len(estimate.names) - 2 * (n + m)
     place = skip + np.r_[n : 2 * n, 2 * n + m : 2 * (n + m)]  # the phases
     of_gauge = np.r_[:n, n + among]
-    phase_std = _phase_std(estimate, place, gauge.phase_covariance[np.ix_(of_gauge, of_gauge)])
+    gauged = np.append(gauge.front_phase, gauge.back_phase)[of_gauge]
+    phases, phase_std = _gauged(estimate, place, gauged, gauge.phase_covariance[np.ix_(of_gauge, of_gauge)])
+    estimate.values[place] = phases
     fg, fp, bg, bp = np.split(estimate.values[skip:], np.cumsum([n, n, m]))
     fgs, _, bgs, _ = np.split(estimate.std[skip:], np.cumsum([n, n, m]))
     return Joint(
@@ -93,13 +98,18 @@ def _started(static: StaticPart, fitted: Estimate) -> StaticPart:
     return static._replace(coefficients=coefficients, breaks=breaks)
 
 
-def _phase_std(estimate: Estimate, place: NDArray[np.intp], gauge_covariance: Floats) -> Floats:
-    """Standard errors of the phases: within the determined directions from the fit, along the free ones from the gauge."""
+def _gauged(estimate: Estimate, place: NDArray[np.intp], gauged: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Return phases as near to the gauge's as the free directions allow, and their standard errors.
+
+    φ = Pφ_fit + (1 − P)φ_gauge, P off the free directions. The gauge is the efficient fit of a smaller model to the same
+    data, so that cov(φ_fit, φ_gauge) = C_gauge and cov φ = C_gauge + P(C_fit − C_gauge)P.
+    """
+    phases = estimate.values[place]
+    phases = phases + 2 * np.pi * np.round((gauged - phases) / (2 * np.pi))
     if estimate.rank == len(estimate.names):
-        return estimate.std[place]
+        return phases, estimate.std[place]
     in_phase = np.linalg.norm(estimate.null_directions[:, place], axis=1) > 1e-6
     null = np.linalg.qr(estimate.null_directions[in_phase][:, place].T)[0]
-    onto_null = null @ null.T
-    within = np.eye(len(place)) - onto_null
-    total = within @ estimate.covariance[np.ix_(place, place)] @ within + onto_null @ gauge_covariance @ onto_null
-    return np.sqrt(np.diag(total))
+    within = np.eye(len(place)) - null @ null.T
+    total = covariance + within @ (estimate.covariance[np.ix_(place, place)] - covariance) @ within
+    return gauged + within @ (phases - gauged), np.sqrt(np.maximum(np.diag(total), 0.0))

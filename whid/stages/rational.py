@@ -63,8 +63,25 @@ class Rational(NamedTuple):
                         rows.append((f"{block} {part}", f"s^{power}", Measured(float(v), float(s))))
         e = self.estimate
         fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; static gains are 1; {self.agreeing} of {self.starts} starts agree"
-        search = f"orders by BIC among {len(self.bic)} candidates"
-        return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), (fit, search))
+        notes = [fit, f"orders by BIC among {len(self.bic)} candidates"]
+        notes += [f"as good within 6 (zeros/poles of front, of back): {'; '.join(self.rivals())}"] if self.rivals() else []
+        notes += [] if e.why_stop == "converged" else [f"not converged: {e.why_stop}"]
+        notes += [] if self.explained else ["χ² is more than noise makes: see what is missing"]
+        return Table("Joint rational fit", ("polynomial", "power", "coefficient"), tuple(rows), tuple(notes))
+
+    @property
+    def explained(self) -> bool:
+        """Tell whether χ² is what noise makes (p > 1e-4; its errors have some 32 degrees of freedom themselves)."""
+        from scipy.special import chdtrc
+
+        e = self.estimate
+        return e.dof <= 0 or bool(chdtrc(e.dof, e.chi2 * (1 - 2 / 32)) > 1e-4)
+
+    def rivals(self) -> tuple[str, ...]:
+        """Return the orders (zeros/poles of front, of back) that BIC cannot tell from the best: less than 6 behind."""
+        order = np.argsort(self.bic)
+        close = [int(i) for i in order[1:] if self.bic[i] < self.bic[order[0]] + 6]
+        return tuple("{}/{}, {}/{} (+{:.1f})".format(*self.tried[i], self.bic[i] - self.bic[order[0]]) for i in close)
 
     def metrics(self) -> dict[str, Measured]:
         """Return gains and phases by name, `front.gain@0.02`."""
@@ -120,7 +137,7 @@ class _Search:
         self.seen: dict[Orders, _Fitted] = {}
 
     def climb(self, highest: tuple[int, int]) -> _Fitted:
-        """Grow from one pole in each block, while a neighbour is better."""
+        """Grow from one pole in each block, or shrink, while a neighbour is better."""
         first: Orders = (0, min(1, highest[0]), 0, min(1, highest[1]))
         best = self.best_of(first, self.first_starts(first))
         if not np.isfinite(best.bic):  # a pole went to infinity: a block without dynamics
@@ -142,13 +159,13 @@ class _Search:
                 yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
 
     def grown(self, base: _Fitted, orders: Orders) -> Iterator[Start]:
-        """Yield starts from a smaller model: added poles beyond the band, or the pole split in two; zeros at infinity."""
+        """Yield starts from a neighbour: added poles beyond the band, zeros at infinity; or without its fastest root."""
         parts = _coefficients(base)
         for factor in (1.0, 4.0, 16.0):
             fast = factor * float(self.omegas[1].max()) / self.reference
             start = []
             for have, want, is_den in zip(parts, orders, (False, True, False, True), strict=True):
-                polynomial = np.concatenate([[1.0], have])
+                polynomial = _slowest(np.concatenate([[1.0], have]), want)
                 for _ in range(want - len(have)):
                     polynomial = np.convolve(polynomial, [1.0, 1 / fast]) if is_den else np.append(polynomial, 0.0)
                 start.append(polynomial[1:])
@@ -183,10 +200,27 @@ class _Search:
 
 def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
     m, n, k, j = orders
-    for more in ((0, 1, 0, 0), (0, 0, 0, 1), (0, 1, 0, 1), (1, 0, 0, 0), (0, 0, 1, 0), (1, 1, 0, 0), (0, 0, 1, 1)):
+    single = [(0, 1, 0, 0), (0, 0, 0, 1), (1, 0, 0, 0), (0, 0, 1, 0), (1, 1, 0, 0), (0, 0, 1, 1)]
+    steps = [(0, 1, 0, 1), *single, *[(-a, -b, -c, -d) for a, b, c, d in single]]
+    for more in steps:
         new = (m + more[0], n + more[1], k + more[2], j + more[3])
-        if new[0] < max(new[1], 1) and new[2] < max(new[3], 1) and new[1] <= highest[0] and new[3] <= highest[1]:
+        if (
+            min(new) >= 0
+            and new[0] < max(new[1], 1)
+            and new[2] < max(new[3], 1)
+            and new[1] <= highest[0]
+            and new[3] <= highest[1]
+        ):
             yield new
+
+
+def _slowest(polynomial: Floats, degree: int) -> Floats:
+    """Return 1 + a₁p + … without its fastest roots, to that degree."""
+    roots = np.roots(polynomial[::-1])
+    if len(roots) <= degree:
+        return polynomial
+    kept = roots[np.argsort(np.abs(roots))][:degree]
+    return np.asarray(np.polynomial.polynomial.polyfromroots(kept) / np.prod(-kept), complex).real
 
 
 def _poles(speed: float, count: int) -> Floats:

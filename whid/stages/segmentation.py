@@ -13,7 +13,7 @@ from whid.fit import Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.signal import Floats
 from whid.stages._intervals import intervals
-from whid.stages._junctions import Layout, difference, joint, meet, rescaled
+from whid.stages._junctions import Layout, difference, hidden_jump, joint, meet, rescaled
 from whid.stages._visits import pooled, visit_variance
 from whid.stages.levels import StaticCurve
 
@@ -27,6 +27,7 @@ class Segmentation(NamedTuple):
     jump: Annotated[NDArray[np.bool_], Quantity("1", ("break",))]  # False: a kink, the pieces meet
     jump_size: Annotated[Floats, Quantity("output", ("break",), error="jump_size_std")]  # right minus left, at the break
     jump_size_std: Annotated[Floats, Quantity("output", ("break",))]
+    hidden_jump: Annotated[Floats, Quantity("output", ("break",))]  # the largest that a kink's gap could hide; 0 at a jump
     degrees: Annotated[NDArray[np.intp], Quantity("1", ("piece",))]
     coefficients: Annotated[
         Floats, Quantity("output", ("piece", "power"), error="coefficients_std")
@@ -54,10 +55,18 @@ class Segmentation(NamedTuple):
         notes = [f"χ²({self.dof}) = {self.chi2:.3g}, p = {self.p:.2g}"]
         notes += [f"repeated visits scatter by {self.visit_std:.3g} beyond noise"] if self.visit_std else []
         notes += ["a jump's break is only known to lie in its gap"] if self.jump.any() else []
-        notes += (
-            ["a kink is the simplest reading: a jump inside its gap fits the levels as well"] if not self.jump.all() else []
-        )
+        notes += self.assumed()
         return Table("Pieces of the static curve", (*powers, "ends in", "at, input"), tuple(rows), tuple(notes))
+
+    def assumed(self, kinks: Sequence[int] | None = None) -> list[str]:
+        """Return what the levels alone cannot tell about some (default: all) kinks: the errors given take it for granted."""
+        chosen = [int(k) for k in np.flatnonzero(~self.jump)] if kinks is None else kinks
+        return [
+            f"kink at {self.breaks[k]:.4g}: the levels only show that it lies between {self.borders[k, 0]:.6g} and "
+            f"{self.borders[k, 1]:.6g}; its error assumes that the pieces meet, where a jump of up to "
+            f"{self.hidden_jump[k]:.3g} would fit as well"
+            for k in chosen
+        ]
 
 
 def segment(curve: StaticCurve, max_degree: int = 3, price: float = 10.8) -> Segmentation:
@@ -101,9 +110,10 @@ def segment(curve: StaticCurve, max_degree: int = 3, price: float = 10.8) -> Seg
     coefficients, errors = _padded(values[count:], degrees), _padded(full.std[count:], degrees)
     size, size_std = _jump_sizes(values[:count], layout.jump, values[count:], covariance[count:, count:], degrees)
     p = float(chdtrc(estimate.dof, estimate.chi2)) if estimate.dof > 0 else 1.0
+    hidden = np.array([0.0 if jump else hidden_jump(layout, k) for k, jump in enumerate(layout.jump)])
     return Segmentation(
         np.column_stack([level[layout.cuts - 1], level[layout.cuts]]), values[:count], full.std[:count], layout.jump,
-        size, size_std, degrees, coefficients, errors, full, estimate.chi2, estimate.dof, p, float(np.sqrt(extra)),
+        size, size_std, hidden, degrees, coefficients, errors, full, estimate.chi2, estimate.dof, p, float(np.sqrt(extra)),
     )  # fmt: skip
 
 
