@@ -76,3 +76,15 @@ def test_missing_samples_and_unequal_lengths():
 def test_no_usable_hold():
     with pytest.raises(WhidError, match="16 samples"):
         settle_time([np.zeros(5)], 1.0)
+
+
+def test_a_drift_that_swings_is_not_settled_where_it_crosses_zero():
+    """Behind a complex pair of poles first quarter and last half agree by chance long before the drift is over."""
+    t = 0.05 * np.arange(500)
+    swing = np.exp(-0.5 * t) * np.cos(1.3 * t)
+    rng = np.random.default_rng(20600)
+    for _ in range(20):
+        holds = [3.0 * way * swing + 0.03 * rng.standard_normal(500) for way in (1, -1) * 10]
+        settle = settle_time(holds, 0.05).settle
+        bias = 3.0 * abs(swing[round(settle / 0.05) :].mean())
+        assert bias < 0.5 * 0.03 / np.sqrt(500 - settle / 0.05), settle

@@ -34,7 +34,8 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
     """Return the shortest truncation after which the holds show no drift, times a margin.
 
     χ²(τ) = Σ (mean of the first quarter − mean of the last half)²/variance over the holds, each from τ on; the first τ,
-    up to half the shortest hold, with p(χ², H) ≥ significance. The variances are those of the noise in the last halves:
+    up to half the shortest hold, with p(χ², H) ≥ significance, and a tenth of it from there to margin·τ: a drift that swings
+    is nought now and then. The variances are those of the noise in the last halves:
     an autoregression, quadratic trends removed, so that a drift is not taken for noise. holds: output samples from each
     change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are left out.
     Raises `WhidError("stage-too-short")` without a hold of 16 samples. Source [Brouri2019], the t_r of eq. (3.9).
@@ -64,7 +65,9 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
     statistic = np.nansum((early - late) ** 2 / variance, axis=1)
     dof = np.isfinite(early - late).sum(axis=1)
     p = chdtrc(dof, statistic)
-    passed = np.flatnonzero(p >= significance)
+    stop = np.searchsorted(cut[:, 0], margin * cut[:, 0], side="right")
+    lasting = [p[i:j].min(initial=1.0) >= significance / 10 for i, j in enumerate(stop)]
+    passed = np.flatnonzero((p >= significance) & lasting)
     at = int(passed[0]) if len(passed) else len(cut) - 1
     truncation = float(cut[at, 0]) * dt
     return Settle(margin * truncation, truncation, float(statistic[at]), int(dof[at]), float(p[at]), bool(len(passed)))
