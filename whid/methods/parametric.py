@@ -26,6 +26,9 @@ from whid.system import System
 
 FEW, SOME = 10_000, 20_000  # samples of the first and of the second descent
 KNOTS = (8, 12, 20, 30)  # tried in turn while BIC falls
+FINALISTS = 2  # splits that are refined with more knots
+FASTEST = 8  # times the record's rate, at most
+WORTH = 0.995  # of the error that a doubled rate may leave at most
 TOTALS = range(1, 9)  # poles of the linear approximation that are tried
 
 
@@ -72,15 +75,12 @@ class Parametric(Method):
         few = data.first(FEW)
         starts = [self._start(split) for found in shared for split in found.best]
         ends = [way.down(few, evenly(start, reached(few, start), KNOTS[0])) for start in starts]
-        cascade = min(ends, key=lambda end: bic(few, end))
-        cascade = self._grown(data.first(SOME), cascade, way)
-        factor = self.oversampling or 1
-        if self.oversampling is None and data.records[0].intersample in ("bandlimited", "foh"):
-            found = between_samples(data.first(SOME)[0], cascade, data.dt)
-            yield found
-            factor = 2 if found.present else 1
-        if factor > 1:
-            cascade = way.down(data.first(SOME, factor), _faster(cascade, bla, factor))
+        finalists = sorted(ends, key=lambda end: bic(few, end))[:FINALISTS]
+        some = data.first(SOME)
+        cascade = min((self._grown(some, end, way) for end in finalists), key=lambda end: bic(some, end))
+        if data.records[0].intersample in ("bandlimited", "foh"):
+            yield between_samples(some[0], cascade, data.dt)
+        cascade, factor = self._oversampled(data, cascade, bla, way)
         every, knots = data.every(factor), len(cascade.curve.parameters())
         if self.nonlinearity.kind == "spline":
             cascade = by_bend(cascade, reached(every, cascade), knots)
@@ -105,9 +105,23 @@ class Parametric(Method):
         front, back = (h.padded(len(h.den)) for h in (split.front, split.back))
         return Cascade(front, curve_through(self.nonlinearity.kind, split.points, split.heights), back)
 
-    def _grown(self, windows: list[Window], cascade: Cascade, way: _Way) -> Cascade:
+    def _oversampled(self, data: Windows, cascade: Cascade, bla: BestLinear, way: _Way) -> tuple[Cascade, int]:
+        """Return the cascade at the rate asked for, or at the record's rate doubled as long as the error falls, and the factor."""
+        if self.oversampling is not None:
+            factor = self.oversampling
+            return (cascade if factor == 1 else way.down(data.first(SOME, factor), _faster(cascade, bla, factor))), factor
+        factor = 1
+        while factor < FASTEST and data.records[0].intersample != "discrete":
+            windows = data.first(SOME, 2 * factor)
+            rival = self._grown(windows, _faster(cascade, bla, 2, factor), way, len(cascade.curve.parameters()))
+            if rms_error(windows, rival) > WORTH * rms_error(data.first(SOME, factor), cascade):
+                break
+            cascade, factor = rival, 2 * factor
+        return cascade, factor
+
+    def _grown(self, windows: list[Window], cascade: Cascade, way: _Way, fewest: int = 0) -> Cascade:
         """Return the cascade with as many knots as BIC pays for."""
-        tried = (self.nonlinearity.knots,) if self.nonlinearity.knots else KNOTS
+        tried = (self.nonlinearity.knots,) if self.nonlinearity.knots else [k for k in KNOTS if k >= fewest]
         best: Cascade | None = None
         for knots in tried:
             grown = way.down(windows, by_bend(cascade, reached(windows, cascade), knots))
@@ -143,10 +157,8 @@ def _settled(fit: LinearFit) -> int:
     return int(min(2000, np.ceil(np.log(1e-6) / np.log(slowest)))) if 0 < slowest < 1 else 100
 
 
-def _faster(cascade: Cascade, bla: BestLinear, factor: int) -> Cascade:
+def _faster(cascade: Cascade, bla: BestLinear, factor: int, now: int = 1) -> Cascade:
     """Return the cascade at a higher rate: filters with the same response over the excited band."""
-    fast = [
-        matched(h.at(bla.omega * bla.dt), bla.omega * bla.dt / factor, len(h.num), len(h.den))
-        for h in (cascade.front, cascade.back)
-    ]
+    turn = bla.omega * bla.dt / now
+    fast = [matched(h.at(turn), turn / factor, len(h.num), len(h.den)) for h in (cascade.front, cascade.back)]
     return Cascade(fast[0], cascade.curve, fast[1])

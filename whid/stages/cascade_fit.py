@@ -18,7 +18,7 @@ from whid.stages._cascade import Cascade
 
 ROWS = 8192  # rows that are reduced at once: a chunk stays in the cache
 STIFFNESS = 0.01  # of the curve: what keeps the knots that no sample reaches from drifting
-EVEN = 0.05  # share of the knots that goes where the curve is straight
+EVEN = 0.5  # knots spread evenly, over those placed by the bend
 
 
 class Window(NamedTuple):
@@ -53,12 +53,16 @@ def cascade_fit(
             return float("inf")
         if not cascade.stable:
             return float("inf")
-        return sum(float(np.sum(e**2)) for e in errors(windows, cascade)) + float(np.sum((penalty @ theta[curve]) ** 2))
+        with np.errstate(all="ignore"):
+            left = sum(float(np.sum(e**2)) for e in errors(windows, cascade))
+        return left + float(np.sum((penalty @ theta[curve]) ** 2))
 
     def linearise(theta: Floats) -> Triangle:
         return Triangle.stacked(_rows(windows, start.replaced(theta), penalty, curve))
 
     free = [Parameter(str(k), float(value)) for k, value in enumerate(start.values)]
+    if not start.stable:
+        raise WhidError("block-parameters", "a descent must start from stable filters")
     estimate = minimise(cost, linearise, free, known=False, max_iterations=max_iterations, tolerance=tolerance)
     return start.replaced(estimate.values), estimate
 
@@ -96,7 +100,7 @@ def by_bend(cascade: Cascade, span: tuple[float, float], knots: int) -> Cascade:
     fine = np.linspace(*span, 1000)
     slope = np.gradient(cascade.curve.value(fine), fine)
     density = np.sqrt(np.abs(np.gradient(slope, fine)))
-    share = np.cumsum(density + EVEN * max(float(density.max()), 1e-300))
+    share = np.cumsum(density + EVEN * max(float(density.mean()), 1e-300))
     share = (share - share[0]) / (share[-1] - share[0])
     inputs = np.interp(np.linspace(0, 1, knots), share, fine)
     return _on(cascade, inputs)

@@ -78,10 +78,22 @@ def linear_fit(
 
 
 def matched(response: Complexes, omega_dt: Floats, zeros: int, poles: int) -> Filter:
-    """Return the filter of unit static gain nearest to a response at frequencies omega·dt (Sanathanan-Koerner)."""
+    """Return the stable filter of unit static gain nearest to a response at frequencies omega·dt.
+
+    Sanathanan-Koerner; poles that come out unstable are mirrored into the unit circle, the numerator fitted again.
+    """
     delta, one = 1 - np.exp(-1j * omega_dt), np.ones(len(omega_dt))
     values = _sanathanan(delta, response, one, zeros, poles, np.ones(len(delta), complex), unit=True)
-    return Filter(values[:zeros], values[zeros:])
+    found = Filter(values[:zeros], values[zeros:])
+    if found.stable:
+        return found
+    roots = np.roots(found.den_z)
+    inside = np.where(np.abs(roots) < 1, roots, 0.99 / np.maximum(np.abs(roots), 1 / 0.99) ** 2 * roots)
+    stable = Filter.of_roots(np.empty(0, complex), inside)
+    den = np.polyval(stable.den_z[::-1], 1 - delta)
+    design = np.vander(delta, zeros + 1, increasing=True)[:, 1:] / den[:, None]
+    num = np.linalg.lstsq(_stacked(design), _stacked(response - 1 / den), rcond=None)[0]
+    return Filter(np.asarray(num), stable.den)
 
 
 def alternatives(fit: LinearFit, bla: BestLinear) -> Iterator[tuple[Complexes, Complexes]]:
