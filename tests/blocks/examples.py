@@ -22,9 +22,11 @@ from whid.blocks.relay import Relay
 from whid.blocks.saturation import Saturation
 from whid.blocks.spline import Spline
 from whid.blocks.table import Table
+from whid.blocks.tone import Tone
 from whid.blocks.viscous import Viscous
 
 DT = 0.2
+CLOCKED = ("tone",)  # kinds that do something of their own in time: no steady output, and t0 matters
 LAG = Linear(num=(1.5,), den=(1.0, 2.0))
 RESONANT = Linear(num=(1.0, 3.0), den=(1.0, 0.9, 4.0))
 
@@ -88,5 +90,6 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9)),
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9), beyond="hold"),
     ),
+    "tone": (Tone(omega=2.3, cos=(0.2, 0.05), sin=(-0.1, 0.02), harmonics=(1, 3)),),
     "viscous": (Viscous(coefficient=1.3), Viscous(coefficient=1.3, negative=0.6)),
 }

@@ -6,10 +6,12 @@ import numpy as np
 
 from whid.blocks._block import Block
 from whid.blocks.oversampled import Oversampled
+from whid.blocks.tone import Tone
 from whid.fit import Estimate
 from whid.methods._method import Model
 from whid.signal import Floats
 from whid.stages._cascade import Cascade, Filter, monic_rates
+from whid.stages.interference import Interference
 from whid.system import System
 
 
@@ -38,6 +40,26 @@ def from_cascade(cascade: Cascade, estimate: Estimate, factor: int, dt: float, m
         std=np.sqrt(np.maximum(np.diag(covariance), 0.0)), null_directions=np.empty((0, len(names))),
     )  # fmt: skip
     return Model(_tree(blocks, factor), mapped, "unit_dc", missing)
+
+
+def with_tone(model: Model, found: Interference) -> Model:
+    """Return the model with a tone added to its output, uncorrelated with the rest."""
+    chain, e, tone = model.system.chain, model.estimate, found.estimate
+    block = Tone(
+        omega=found.omega, cos=tuple(map(float, found.cos)), sin=tuple(map(float, found.sin)),
+        harmonics=tuple(map(int, found.harmonics)),
+    )  # fmt: skip
+    covariance = np.zeros((len(e.values) + len(tone.values),) * 2)
+    covariance[: len(e.values), : len(e.values)], covariance[len(e.values) :, len(e.values) :] = (
+        e.covariance,
+        tone.covariance,
+    )
+    estimate = e._replace(
+        names=e.names + tuple(f"chain.{len(chain)}.{name}" for name in tone.names),
+        values=np.append(e.values, tone.values), std=np.append(e.std, tone.std), covariance=covariance,
+        rank=e.rank + tone.rank, null_directions=np.empty((0, len(covariance))), chi2=tone.chi2, dof=e.dof - tone.rank,
+    )  # fmt: skip
+    return model._replace(system=System(chain=(*chain, block)), estimate=estimate)
 
 
 def _tree(blocks: list[Block], factor: int) -> System:

@@ -72,7 +72,13 @@ class Windows:
         use[: start - begin] = False
         if begin or record.initial != "steady":
             use[: self.lead] = False  # the state before is not known
-        return Window(self._input(k, factor)[factor * begin : factor * stop], record.y[begin:stop], use, factor)
+        return Window(
+            self._input(k, factor)[factor * begin : factor * stop],
+            record.y[begin:stop],
+            use,
+            factor,
+            record.t0 + begin * record.dt,
+        )
 
     def _input(self, k: int, factor: int) -> Floats:
         record = self.records[k]

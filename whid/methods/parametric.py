@@ -12,7 +12,7 @@ from annotated_types import Ge
 
 from whid.fit import Estimate
 from whid.methods._method import Method, Stages
-from whid.methods._sampled import from_cascade
+from whid.methods._sampled import from_cascade, with_tone
 from whid.methods._windows import Windows
 from whid.record import Record
 from whid.stages._cascade import Cascade
@@ -21,6 +21,7 @@ from whid.stages.best_linear import BestLinear, best_linear
 from whid.stages.between_samples import between_samples
 from whid.stages.cascade_fit import Window, bic, by_bend, cascade_fit, curve_through, evenly, reached, rms_error
 from whid.stages.descent import Step, descent
+from whid.stages.interference import interference
 from whid.stages.linear_fit import LinearFit, alternatives, linear_fit, matched
 from whid.system import System
 
@@ -52,12 +53,14 @@ class Parametric(Method):
 
     orders         poles of front and back; left out: from the data
     nonlinearity   the static curve
+    interference   auto: a steady tone in the residual, with its harmonics, is added to the model; none: not looked for
     oversampling   1, 2, …: the blocks' rate over the record's; left out: from the data
     seed           of the random starts of the rational fit
     """
 
     orders: tuple[Annotated[int, Ge(0)], Annotated[int, Ge(0)]] | None = None
     nonlinearity: Nonlinearity = Nonlinearity()
+    interference: Literal["auto", "none"] = "auto"
     oversampling: Annotated[int, Ge(1)] | None = None
     seed: Annotated[int, Ge(0)] = 0
 
@@ -86,7 +89,12 @@ class Parametric(Method):
             cascade = by_bend(cascade, reached(every, cascade), knots)
         cascade = way.down(every, cascade)
         yield descent(way.steps)
-        yield from_cascade(cascade, way.estimate, factor, data.dt, ())
+        found = from_cascade(cascade, way.estimate, factor, data.dt, ())
+        if self.interference == "auto" and len(every) == 1:  # a phase does not carry over from record to record
+            tones = interference(every[0].y - cascade.response(every[0].u)[::factor], every[0].use, data.dt, every[0].t0)
+            yield tones
+            found = with_tone(found, tones) if tones.found else found
+        yield found
 
     def _linear(self, bla: BestLinear) -> list[LinearFit]:
         """Return the linear fit of the total order given, or the three of the best BIC."""
@@ -106,7 +114,7 @@ class Parametric(Method):
         return Cascade(front, curve_through(self.nonlinearity.kind, split.points, split.heights), back)
 
     def _oversampled(self, data: Windows, cascade: Cascade, bla: BestLinear, way: _Way) -> tuple[Cascade, int]:
-        """Return the cascade at the rate asked for, or at the record's rate doubled as long as the error falls, and the factor."""
+        """Return the cascade at the rate asked for, or doubled as long as the error falls, and the factor."""
         if self.oversampling is not None:
             factor = self.oversampling
             return (cascade if factor == 1 else way.down(data.first(SOME, factor), _faster(cascade, bla, factor))), factor

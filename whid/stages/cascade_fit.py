@@ -28,6 +28,7 @@ class Window(NamedTuple):
     y: Floats  # (N,)
     use: NDArray[np.bool_]  # (N,)
     factor: int = 1
+    t0: float = 0.0  # time of the first sample, s
 
     @property
     def samples(self) -> int:
