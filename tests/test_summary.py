@@ -13,6 +13,7 @@ from whid.blocks.linear import Linear
 from whid.fit import linear_least_squares
 from whid.methods._method import Model
 from whid.quantity import Measured
+from whid.result import Check
 from whid.system import System
 
 
@@ -100,6 +101,12 @@ def test_headings_carry_the_units_of_the_records(result):
     assert {"rms, l/min", "fit, %"} <= set(table(replace(result, records=measured), "Fit").columns)
     mixed = (*result.records, *measured)
     assert "rms" in table(replace(result, records=mixed), "Fit").columns
+
+
+def test_a_bound_on_a_metric_that_is_none_names_the_nearest():
+    assert summary.expected([Check("report.rsm", None, 0.1, None)], ["report.rms"]).notes == (
+        "report.rsm: no metric of this run; did you mean report.rms?",
+    )
 
 
 def test_the_note_on_single_frequencies_names_one_that_is_there(result):

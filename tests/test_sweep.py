@@ -92,6 +92,9 @@ def test_a_failing_cell_is_a_row_and_the_command_says_so(config, tmp_path):
     assert "stage-too-short" in run.stderr
     bad = CliRunner().invoke(main, [*args, "expect=[{metric: front.gain.error.max, below: 1e-9}]"])
     assert bad.exit_code == 4
+    shown = CliRunner().invoke(main, ["show", json.loads(bad.stdout)["path"]])
+    assert shown.exit_code == 0
+    assert "breached" in shown.stdout
     none = CliRunner().invoke(main, [*args, "expect=[{metric: nothing.of.the.sort, below: 1}]"])
     assert none.exit_code == 5
 

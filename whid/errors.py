@@ -89,8 +89,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-column": Explanation(
         "A column that the config names is not in the file, or cannot be guessed.",
-        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` in a "
-        "config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
+        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` in "
+        "a config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
         CONFIG,
     ),
     "data-scalar": Explanation(
@@ -110,8 +110,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-missing": Explanation(
         "Samples are missing (NaN, empty cells, or rows left out).",
-        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`, `--missing` for `whid ingest`; a missing input can "
-        "only be interpolated.",
+        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`, `--missing` for `whid ingest`; a missing input "
+        "can only be interpolated.",
         CONFIG,
     ),
     "data-time-order": Explanation(
@@ -188,7 +188,7 @@ CATALOGUE: dict[str, Explanation] = {
         FAILED,
     ),
     "stage-no-model": Explanation(
-        "No stable linear blocks explain the harmonics of the sines: the nonlinearity found from the levels does not fit them.",
+        "No stable linear blocks explain the harmonics of the sines: the nonlinearity of the levels does not fit them.",
         "Add levels where the sines run, or let the sines stay inside one piece; what was found before is kept.",
         FAILED,
     ),
@@ -235,7 +235,7 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "stage-no-linear-fit": Explanation(
         "No stable transfer function goes through the measured frequency response.",
-        "Give other `orders:`; see the best linear approximation in the result: is the record long enough, the input excited?",
+        "Give other `orders:`; see in the result's best linear approximation whether the record is long and excited enough.",
         FAILED,
     ),
     "stage-no-split": Explanation(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from whid.blocks.linear import Linear
 from whid.kinds import plain
 from whid.quantity import Cell, Measured, Table
 from whid.record import Record
-from whid.result import Result
+from whid.result import Check, Result
 from whid.tables import markdown
 
 USES = ("estimation", "selection", "report")
@@ -64,7 +65,7 @@ def _all(result: Result) -> Iterator[Table]:
     yield _metrics(result)
     yield _published(result)
     yield _asked(result)
-    yield _expected(result)
+    yield expected(result.checks, tuple(result.metrics))
     if result.warnings:
         yield Table("Warnings", ("warning",), tuple((text,) for text in result.warnings))
 
@@ -207,9 +208,13 @@ def _asked(result: Result) -> Table:
     return Table("Experiments asked for", ("reason", "predicted standard error", "performed"), rows)
 
 
-def _expected(result: Result) -> Table:
-    rows = tuple((check.metric, _bound(check), check.value, check.verdict) for check in result.checks)
-    return Table("Expected", ("metric", "bound", "value", "verdict"), rows)
+def expected(checks: Sequence[Check], metrics: Sequence[str] = ()) -> Table:
+    """Return the bounds and their verdicts; of a metric that is none, the name that is nearest."""
+    rows = tuple((check.metric, _bound(check), check.value, check.verdict) for check in checks)
+    absent = [check.metric for check in checks if metrics and check.metric not in metrics]
+    near = {name: difflib.get_close_matches(name, metrics, n=1) for name in absent}
+    notes = tuple(f"{name}: no metric of this run" + (f"; did you mean {n[0]}?" if n else "") for name, n in near.items())
+    return Table("Expected", ("metric", "bound", "value", "verdict"), rows, notes)
 
 
 def _bound(check: Any) -> str:

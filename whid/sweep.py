@@ -131,6 +131,12 @@ def sweep(
         return replace(found, path=folder.keep(origin["hash"]))
 
 
+def load(path: str | Path) -> SweepResult:
+    """Return the outcome kept in a sweep's folder."""
+    folder = Path(path)
+    return _result(load_study(folder / "config.yaml"), *read_sweep(folder / "sweep.h5"), path=folder)
+
+
 def _result(
     study: Study,
     over: Mapping[str, tuple[Any, ...]],

@@ -31,7 +31,14 @@ def run(*arguments):
 
 def test_shows_columns_parts_picture_and_a_block_that_loads(bench):
     out = run("bench.csv").output
-    for words in ("bench.csv", "9 holds", "5 different, -1 … 1; each 6 s", "period 60 samples (6 s)", "10 Hz", "as declared"):
+    for words in (
+        "bench.csv",
+        "9 holds",
+        "5 different, -1 … 1; each 6 s",
+        "period 60 samples (6 s)",
+        "10 Hz",
+        "as declared",
+    ):
         assert words in out
     assert (bench / "bench-ingest.png").read_bytes()[:4] == b"\x89PNG"
     block = parse(out.partition("# save as bench.yaml")[2].partition("\n")[2], "block").value["data"]

@@ -289,6 +289,17 @@ def test_the_lag_is_found_on_its_own_side(side, seed):
     assert abs(lags.coefficients[lags.chosen, 0] - 0.9) < 5 * lags.coefficients_std[lags.chosen, 0]
 
 
+@pytest.mark.parametrize("initial", ["rest", "steady"])
+def test_the_start_of_a_staircase_does_not_disturb_its_lag(initial):
+    lag = Linear(num=(1.0,), den=(1.0, 1.0))
+    plant = System(chain=(lag, DeadZone(low=-0.5, high=0.7)), noise=(White(std=0.02),))
+    stairs = Staircase(from_=-2.0, to=2.0, step=0.5, hold_s=20.0, return_=True)  # from rest the first level is a jump of 2
+    found = stages(simulate(plant, Experiment(dt=0.1, initial=initial, parts=(stairs,)), np.random.default_rng(32)))
+    lags, estimate = found["Lags"][0], found["Model"][0].estimate
+    assert abs(lags.coefficients[lags.chosen, 0] - 1.0) < 5 * lags.coefficients_std[lags.chosen, 0] < 0.05
+    assert estimate.chi2 / estimate.dof == pytest.approx(1.0, abs=5 * np.sqrt(2 / estimate.dof) + 0.05)
+
+
 def test_sines_on_a_flat_piece_say_nothing_and_cost_nothing():
     lag = Linear(num=(1.0,), den=(1.0, 1.0))
     plant = System(chain=(lag, DeadZone(low=-0.4, high=2.6)), noise=(White(std=0.02),))

@@ -150,8 +150,7 @@ def _parts_tables(found: Ingested) -> list[Table]:
         text = f"{len(set(values))} different, {_span(values)}; each {_span([n * record.dt for n in lengths])} s"
         rows.append((summary(levels), levels[0].start, levels[-1].stop, text, levels[0].use))
     others = [part for part in record.parts if part.kind != "hold"]
-    for part in others[:SHOWN]:
-        rows.append((part.kind, part.start, part.stop, _words(part, record.dt), part.use))
+    rows += [(part.kind, part.start, part.stop, _words(part, record.dt), part.use) for part in others[:SHOWN]]
     notes = (f"and {len(others) - SHOWN} more",) if len(others) > SHOWN else ()
     return [Table("parts", ("part", "start", "stop", "what", "use"), tuple(rows), notes)] if rows else []
 

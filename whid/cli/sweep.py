@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from whid.sweep import SweepResult
 
 
 @click.command()
@@ -22,17 +26,25 @@ def command(config: Path, out: Path, overrides: tuple[str, ...], jobs: int, forc
 
     Example: whid sweep noise.yaml --jobs 2
     """
-    from whid.cli._print import print_json, print_tables
     from whid.sweep import sweep
 
     with _Bar() as bar:
         found = sweep(config, out, overrides, jobs=jobs, force=force, watch=bar)
+    return report(found, as_json)
+
+
+def report(found: SweepResult, as_json: bool) -> int:
+    """Print a sweep's tables, or one JSON object, its faults to stderr; return the exit code."""
+    from whid.cli._print import print_json, print_tables
+    from whid.summary import expected
+
     if as_json:
         checks = [check._asdict() | {"verdict": check.verdict} for check in found.checks]
         kept = {"name": found.name, "path": str(found.path), "reused": found.reused, "failed": found.failed}
         print_json(kept | {"table": found.table(), "expect": checks})
     else:
-        print_tables(found.table())
+        tables = [found.table(), expected(found.checks)]
+        print_tables(*(table for table in tables if table.rows))
         print(f"\n{'reused, nothing was run: ' if found.reused else ''}{found.path}\n  sweep.h5  summary.md")
     for reason in sorted({str(error) for error in found.errors.flat if error}):
         click.echo(f"failed: {reason}", err=True)

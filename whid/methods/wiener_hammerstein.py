@@ -118,7 +118,8 @@ class WienerHammerstein(Method):
         holds = list(record.select("hold"))
         number = np.full(len(record), -1)
         for k, part in enumerate(holds):
-            number[part.start : part.stop] = k
+            if k or record.initial == "steady":  # else the first one settles from a state that nobody knows
+                number[part.start : part.stop] = k
         number[~record.using("estimation")] = -1
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
