@@ -89,8 +89,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-column": Explanation(
         "A column that the config names is not in the file, or cannot be guessed.",
-        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` in "
-        "a config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
+        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` "
+        "in a config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
         CONFIG,
     ),
     "data-scalar": Explanation(
@@ -110,8 +110,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-missing": Explanation(
         "Samples are missing (NaN, empty cells, or rows left out).",
-        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`, `--missing` for `whid ingest`; a missing input "
-        "can only be interpolated.",
+        "Choose `missing: mask` (a fit skips them) or `missing: interpolate`, `--missing` for `whid ingest`; a missing "
+        "input can only be interpolated.",
         CONFIG,
     ),
     "data-time-order": Explanation(
