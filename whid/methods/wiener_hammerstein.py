@@ -34,7 +34,7 @@ from whid.stages.lags import Lags, lags
 from whid.stages.levels import StaticCurve, level_means
 from whid.stages.rational import Rational
 from whid.stages.segmentation import Segmentation, segment
-from whid.stages.settle import settle_time
+from whid.stages.settle import Settle, settle_time
 from whid.stages.stepwise import stepwise
 from whid.system import System
 
@@ -83,12 +83,19 @@ class WienerHammerstein(Method):
         for sine in sines:
             yield sine.harmonics
         heard = [sine for sine in sines if sine.harmonics.heard]
-        yield from (
-            self._from_sines(records, curve, pieces, heard) if heard else self._from_steps(records, curve, pieces, seconds)
-        )
+        said = _left_out(records, settles, sines, heard)
+        if heard:
+            yield from self._from_sines(records, curve, pieces, heard, said)
+        else:
+            yield from self._from_steps(records, curve, pieces, seconds, said)
 
     def _from_sines(
-        self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, sines: Sequence[Sine]
+        self,
+        records: Sequence[Record],
+        curve: StaticCurve,
+        pieces: Segmentation,
+        sines: Sequence[Sine],
+        said: tuple[str, ...],
     ) -> Stages:
         """The paper's second part: sines inside a smooth piece."""
         left = [False] * len(sines)
@@ -108,10 +115,12 @@ class WienerHammerstein(Method):
         yield fit
         if not is_affine(static):
             yield joint(static, above_noise(responses), fit, data.crossed)
-        missing = self._missing(any(left), data, fit) + tuple(pieces.assumed(unseen(pieces, data)))
+        missing = said + self._missing(any(left), data, fit) + tuple(pieces.assumed(unseen(pieces, data)))
         yield assemble.from_rational(fit, static, pieces, self.normalisation, missing)
 
-    def _from_steps(self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float) -> Stages:
+    def _from_steps(
+        self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
+    ) -> Stages:
         """What a staircase alone tells: the transitions between levels."""
         record = max(records, key=lambda r: sum(part.length for part in r.select("hold")))
         f = assemble.static_block(curve, pieces)
@@ -124,7 +133,12 @@ class WienerHammerstein(Method):
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
         yield assemble.from_lags(
-            found, f, pieces, curve.noise_std, self.normalisation, self._missing_steps(found) + tuple(pieces.assumed())
+            found,
+            f,
+            pieces,
+            curve.noise_std,
+            self.normalisation,
+            said + self._missing_steps(found) + tuple(pieces.assumed()),
         )
 
     def _missing(self, left: bool, data: ChainData, fit: Rational) -> tuple[str, ...]:
@@ -166,6 +180,20 @@ class WienerHammerstein(Method):
                 "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"
             )
         return tuple(missing)
+
+
+def _left_out(
+    records: Sequence[Record], settles: Sequence[Settle], sines: Sequence[Sine], heard: Sequence[Sine]
+) -> tuple[str, ...]:
+    """Return what of the data could not be used, or not as the errors assume."""
+    said = []
+    if not all(settle.reached for settle in settles):
+        said.append("the levels had not settled when they ended: f and what follows from it are biased; hold longer")
+    if short := sum(len(list(record.select("sine"))) for record in records) - len(sines):
+        said.append(f"{short} sine{'s' * (short > 1)} left out: fewer than two periods after the settling time")
+    if silent := len(sines) - len(heard):
+        said.append(f"{silent} sine{'s' * (silent > 1)} left out: nothing of it stands out of the noise")
+    return tuple(said)
 
 
 def _levels(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
