@@ -8,15 +8,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from whid.blocks._block import Block
 from whid.blocks.piecewise import Piecewise
 from whid.errors import WhidError
 from whid.fit import Parameter
 from whid.signal import Floats
-
-MEET = 1e-9  # relative to the pieces' size: closer than this they meet, and stay together
 
 
 class Kink(NamedTuple):
@@ -100,12 +97,7 @@ def _within(name: str, beginning: str) -> bool:
 def _kinks(tree: Block) -> Iterator[Kink]:
     for path, block in walk(tree):
         if isinstance(block, Piecewise):
-            size = (
-                1e-300 + max(abs(polynomial.polyval(b, c)) for b in block.breaks for c in block.pieces)
-                if block.breaks
-                else 1
-            )
-            yield from (Kink(path, k) for k, jump in enumerate(block.jumps()) if abs(jump) <= MEET * size)
+            yield from (Kink(path, int(k)) for k in np.flatnonzero(block.kinks()))
 
 
 def walk(block: Block, path: str = "") -> Iterator[tuple[str, Block]]:

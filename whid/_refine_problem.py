@@ -21,6 +21,7 @@ from whid.signal import Floats, Signal, joined
 from whid.stages._whiten import whitened
 
 Bools = NDArray[np.bool_]
+FASTEST = 100.0  # of a pole, per sample: beyond, a block passes its input on, and the exact path gets slow
 MOST_STATES = 8  # unknown levels of the past of one record, at most
 
 
@@ -99,6 +100,12 @@ def _past(tree: Block, record: Record) -> tuple[int, ...]:
     return tuple(int(max(1, np.ceil(memory * share / shares.sum()))) for share in shares)
 
 
+def fastest(tree: Block, dt: float) -> float:
+    """Return the largest |pole|·dt of the continuous linear blocks."""
+    blocks = [b for _, b in walk(tree) if isinstance(b, Linear) and b.dt is None]
+    return max([0.0, *(float(np.abs(np.roots(b.transfer_function()[1])).max(initial=0.0)) * dt for b in blocks)])
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Σ over records and samples of (ŷ − y)², in units of the noise."""
@@ -117,9 +124,17 @@ class Problem:
         ]
         return (*self.free.parameters, *past)
 
+    @property
+    def start(self) -> Floats:
+        """Return θ at its start values."""
+        return np.array([p.value for p in self.parameters])
+
     def cost(self, theta: Floats) -> float:
-        """Return χ², infinite where the model cannot be simulated."""
+        """Return χ², infinite where the model cannot be simulated, or not in any reasonable time."""
         try:
+            tree = self.free.at(theta[: len(self.free.parameters)])
+            if any(fastest(tree, d.record.dt) > FASTEST for d in self.data):
+                return float("inf")
             return sum(float(rows[:, 0] @ rows[:, 0]) for rows in self._rows(theta, tangents=False))
         except (WhidError, ValueError, np.linalg.LinAlgError):
             return float("inf")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whid._refine_free import FreeNumbers
 from whid._refine_problem import Data, Problem, data_of
@@ -86,7 +87,7 @@ def refine(
     """
     data = data_of(records, system.tree, std)
     problem, gauge = _gauged(FreeNumbers(system.tree, tuple(fixed), tuple(map(tuple, tied))), data, path)
-    theta = np.array([p.value for p in problem.parameters])
+    theta = problem.start
     learn = std is None and (len(data) > 1 or noise == "ar" or robust)
     if std is None and len(data) > 1:
         problem = _with_noise(problem, theta, "white", robust=False)
@@ -102,6 +103,8 @@ def refine(
         if not learn or settled or fit.why_stop == "interrupted":
             break
         problem = _with_noise(problem, theta, noise, robust=robust)
+        if len(data) == 1 and not robust and not len(problem.data[0].ar):
+            break  # the noise is white after all
     return _result(system, problem, fit, gauge, known=std is not None)
 
 
@@ -123,7 +126,7 @@ def bound(
     if ar is not None:
         data = tuple(replace(d, ar=np.asarray(ar, float)) for d in data)
     problem, _ = _gauged(FreeNumbers(system.tree, tuple(fixed), tuple(map(tuple, tied))), data, path)
-    theta = np.array([p.value for p in problem.parameters])
+    theta = problem.start
     fit = minimise(problem.cost, problem.linearise, problem.parameters, max_iterations=0)
     return _expanded(problem, fit._replace(values=theta, chi2=0.0))
 
@@ -144,6 +147,46 @@ def band(tree: Block, record: Record, estimate: Estimate, path: str = "exact") -
         j = np.array([t.values for t in tangents]).reshape(len(keep), -1)
         out[part] = np.sqrt(np.maximum(np.einsum("in,ij,jn->n", j, covariance, j), 0.0))
     return out
+
+
+def profile(system: System, records: Sequence[Record], name: str, values: Floats, *, path: str = "exact") -> Floats:
+    """Return Σ (y − ŷ)² with one number at each of some values and all others held; infinite where nothing simulates.
+
+    >>> from whid.blocks.polynomial import Polynomial
+    >>> line = System(chain=(Polynomial(coefficients=(0.0, 1.0)),))
+    >>> profile(line, [Record(u=np.ones(4), y=np.full(4, 3.0), dt=1.0)], "chain.0.coefficients.1", np.array([1.0, 3.0]))
+    array([16.,  0.])
+    """
+    data = data_of(records, system.tree)
+
+    def cost(value: float) -> float:
+        try:
+            tree = system.tree.with_parameters({name: value})
+        except WhidError:
+            return float("inf")
+        problem = Problem(FreeNumbers(tree, tuple(p.name for p in tree.parameters(held=True))), data, path)
+        return problem.cost(problem.start)
+
+    return np.array([cost(float(value)) for value in values])
+
+
+def gains(system: System, records: Sequence[Record], extra: Sequence[str], *, path: str = "exact", fixed: Sequence[str] = (),
+) -> Floats:  # fmt: skip
+    """Return by how much each extra number alone, freed beside the others, would lower χ² (its score test, one degree).
+
+    The system stands at its fit without the extra numbers. (Σ over the records, in units of the residual's variance.)
+    """
+    data = data_of(records, system.tree)
+    problem = Problem(FreeNumbers(system.tree, tuple(fixed)), data, path)
+    problem = _with_noise(problem, problem.start, "white", robust=False)
+    names = [p.name for p in problem.parameters]
+    whole = problem.linearise(problem.start)
+    base = np.array([name not in extra for name in names])
+
+    def left(keep: NDArray[np.bool_]) -> float:
+        return whole.columns(keep).rest
+
+    return np.array([left(base) - left(base | (np.array(names) == name)) for name in extra])
 
 
 class Starts(NamedTuple):
@@ -192,7 +235,7 @@ def _gauged(free: FreeNumbers, data: tuple[Data, ...], path: str) -> tuple[Probl
     """Return the problem without directions that have no effect, and what was held for them."""
     problem = Problem(free, data, path)
     names = [p.name for p in problem.parameters]
-    triangle = problem.linearise(np.array([p.value for p in problem.parameters]))
+    triangle = problem.linearise(problem.start)
     found = [(names[j], d) for j, d in dependent(triangle, last_to_hold(free.tree, names)) if names[j] in set(free.names)]
     if not found:
         return problem, ()

@@ -75,6 +75,16 @@ class Piecewise(Static):
         pairs = zip(self.breaks, self.pieces[1:], self.pieces[:-1], strict=True)
         return np.array([value(b, right) - value(b, left) for b, right, left in pairs])
 
+    def kinks(self) -> np.ndarray:
+        """Return which breaks are kinks: the pieces beside them meet, to rounding.
+
+        >>> Piecewise(breaks=(0.0, 1.0), pieces=((0.0,), (0.0, 2.0), (3.0,))).kinks()
+        array([ True, False])
+        """
+        value = np.polynomial.polynomial.polyval
+        size = max([1e-300, *(abs(float(value(b, c))) for b in self.breaks for c in self.pieces)])
+        return np.asarray(np.abs(self.jumps()) <= 1e-9 * size)
+
     def _piece(self, v: Floats) -> np.ndarray:
         piece = np.zeros(np.shape(v), np.int8 if len(self.breaks) < 127 else np.int32)
         for b in self.breaks:  # a comparison a break is ten times faster than searchsorted for a handful
