@@ -44,6 +44,7 @@ def test_a_command_that_is_not_there(whid):
     found = whid("chekc")
     assert found.exit_code == CONFIG
     assert "No such command 'chekc'" in found.stderr
+    assert "Did you mean 'check'?" in found.stderr
 
 
 def end(raised, *, returned=None):

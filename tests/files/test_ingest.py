@@ -316,3 +316,13 @@ def test_ten_million_rows(tmp_path):
     print(f"1e7 rows: {time.perf_counter() - start:.1f} s, peak {peak:.2f} GB")
     assert len(found.record) == 10**7
     assert peak < 2.0
+
+
+def test_an_output_that_stands_still_like_a_command_is_noted(tmp_path):
+    # a staircase, then a sine: no arrow of time in either, but a plant's noisy output never repeats a number
+    t = 0.05 * np.arange(3000)
+    u = np.concatenate([np.repeat(np.arange(6.0), 250), 2.5 + np.cos(2 * np.pi * np.arange(1500) / 100)])
+    y = Linear(num=(1.0,), den=(0.5, 1.0))(u, 0.05) + 0.01 * np.random.default_rng(6).standard_normal(3000)
+    written(tmp_path, t, u, y)
+    assert not any("swapped" in note for note in record(tmp_path).notes)
+    assert any("swapped?" in note for note in record(tmp_path, columns=Columns(time="t", input="y", output="u")).notes)

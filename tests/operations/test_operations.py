@@ -159,3 +159,10 @@ def test_missing_samples_spread_by_the_filters_reach():
     after = Lowpass(cutoff_hz=1.0).apply(before, {})
     assert np.flatnonzero(~after.valid).tolist() == list(range(190, 211))
     assert shrunk(np.ones(5, bool), 3).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_resample_finds_the_logger_s_step_under_jitter(seed):
+    t = 0.05 * np.arange(6000) + 0.0025 * np.random.default_rng(seed).standard_normal(6000)
+    after = Resample().apply(Series(t, t, t, t > -1), {})
+    assert np.diff(after.time) == pytest.approx(0.05, abs=1e-12)

@@ -46,6 +46,16 @@ def check_order_of_columns(u: Floats, y: Floats, where: Where) -> None:
         raise WhidError("data-swapped", "the output is held and stepped like a command, the input is not", where(step))
 
 
+def like_a_command(u: Floats, y: Floats) -> tuple[str, ...]:
+    """Return a note when y has long stretches of exactly one value, several of them, and u never repeats itself."""
+    edges = np.flatnonzero(np.diff(y, prepend=np.nan, append=np.nan))
+    long = np.diff(edges) >= FEWEST
+    levels, share = len(np.unique(y[edges[:-1]][long])), float(np.diff(edges)[long].sum() / len(y))
+    if levels < 4 or share < 1 / 4 or np.mean(np.diff(u) == 0) > 1 / 100:
+        return ()
+    return (f"the output stands still at {levels} levels, as a command does, and the input never does: swapped?",)
+
+
 def held(x: Floats) -> float:
     """Return the fraction of samples that equal their predecessor; 0 for three values or fewer, as a relay gives."""
     return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 3 else 0.0

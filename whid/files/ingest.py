@@ -141,7 +141,8 @@ def _on_grid(
     u, y = grid.spread(u, uniform), grid.spread(y, uniform)
     times: Floats = uniform.t0 + uniform.dt * np.arange(len(u), dtype=float)
     series, more = grid.complete(times, u, y, source.missing, hold, where)
-    return _checked(source, table, series), (*notes, *more, *checks.stuck(series.input, series.output, where))
+    looks = checks.like_a_command(series.input, series.output) if source.causal else ()
+    return _checked(source, table, series), (*notes, *more, *looks, *checks.stuck(series.input, series.output, where))
 
 
 def _checked(source: DataSource, table: Table, series: Series) -> Series:

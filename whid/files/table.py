@@ -133,8 +133,9 @@ def _vector(array: Any, column: int = 0) -> Floats:
 def bare(header: str) -> tuple[str, str]:
     """Split a heading into name and unit.
 
-    >>> bare("Time [ms]"), bare("u (V)"), bare("y")
-    (('Time', 'ms'), ('u', 'V'), ('y', ''))
+    >>> bare("Time [ms]"), bare("u (V)"), bare("Time, s"), bare("y")
+    (('Time', 'ms'), ('u', 'V'), ('Time', 's'), ('y', ''))
     """
     found = re.fullmatch(r"\s*(.+?)\s*[\[(]([^\[\]()]*)[\])]\s*", header)
+    found = found or re.fullmatch(r"\s*(.+?), (s|ms|us|µs|μs|ns|min|h)\s*", header)
     return (found[1], found[2].strip()) if found else (header.strip(), "")

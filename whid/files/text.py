@@ -6,12 +6,17 @@ from pathlib import Path
 
 from whid.errors import WhidError
 
+DATA = (".csv", ".tsv", ".gz", ".npz", ".mat", ".h5", ".hdf5", ".xlsx")
 LIMIT = 1_000_000  # bytes; a config is written by people, data belong in data files
 
 
 def read_text(path: str | Path) -> str:
     """Return a UTF-8 text file; raise `WhidError("config-file")` if it cannot be read, is no text, or is too long."""
     where = str(path)
+    if Path(path).suffix.lower() in DATA:
+        raise WhidError(
+            "config-file", f"a data file, no config: `whid ingest {path}` shows it, with a study to start from", where
+        )
     try:
         with Path(path).open("rb") as file:
             data = file.read(LIMIT + 1)

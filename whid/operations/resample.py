@@ -20,7 +20,7 @@ MOST = 10**8
 
 @dataclass(frozen=True, kw_only=True)
 class Resample(Operation):
-    """Interpolate all columns onto the uniform grid t0 + n·dt (dt: the median step unless given).
+    """Interpolate all columns onto the uniform grid t0 + n·dt (dt: the mean step, holes apart, unless given).
 
     A held input wants `input: hold`. Outputs inside a hole longer than 2.5 steps are marked missing. Does not
     filter: to go down in rate, resample at about the old rate and `decimate` after it.
@@ -39,7 +39,7 @@ class Resample(Operation):
     def apply(self, series: Series, scalars: Mapping[str, float]) -> Series:
         """Return the series on the uniform grid."""
         t = series.time
-        step = float(np.median(np.diff(t))) if self.dt is None else self.dt
+        step = mean_step(t) if self.dt is None else self.dt
         count = (t[-1] - t[0]) / step * (1 + 1e-12) + 1
         if not 2 <= count <= MOST:
             raise WhidError("data-operation", f"resample to dt {step:g} s makes {count:.3g} samples")
@@ -49,6 +49,19 @@ class Resample(Operation):
         bridged = (t[left + 1] - t[left] <= HOLE * step) & series.valid[left] & series.valid[left + 1]
         return Series(grid, between(t, series.input, grid, self.input), between(t, series.output, grid, self.output),
                       exact | bridged)  # fmt: skip
+
+
+def mean_step(t: Floats) -> float:
+    """Return the mean step of jittered times, a hole counting as the steps it spans, in no more digits than jitter allows.
+
+    >>> mean_step(np.array([0.0, 0.101, 0.199, 0.302, 0.602, 0.699]))
+    0.1
+    """
+    steps = np.diff(t)
+    whole = np.maximum(np.rint(steps / np.median(steps)), 1.0)
+    step = float((t[-1] - t[0]) / whole.sum())
+    error = float(np.std(steps - whole * step)) / len(steps)
+    return next((short for d in range(1, 10) if abs((short := float(f"{step:.{d}g}")) - step) <= 3 * error), step)
 
 
 def between(t: Floats, x: Floats, grid: Floats, how: Between) -> Floats:
