@@ -60,7 +60,7 @@ def units(metric: str) -> str:
 
 def linear_gain(system: System, side: str, omega: Floats) -> NDArray[np.complex128]:
     """Return G(jω)/G(0) of the linear blocks before the first (front) or after the last (back) nonlinear one."""
-    chain = system.chain if side == "front" else system.chain[::-1]
+    chain = system.series if side == "front" else system.series[::-1]
     product, static = np.ones(len(omega), complex), 1.0 + 0j
     for block in chain:
         if not isinstance(block, Linear):

@@ -25,6 +25,27 @@ class System:
         """Return the chain as one block."""
         return Chain(chain=self.chain)
 
+    @property
+    def series(self) -> tuple[Block, ...]:
+        """Return the blocks between input and output, seen through what runs them faster; tones added last are left out.
+
+        >>> from whid.blocks.oversampled import Oversampled
+        >>> from whid.blocks.viscous import Viscous
+        >>> System(chain=(Oversampled(factor=2, chain=(Viscous(coefficient=2.0),)),)).series[0].kind
+        'viscous'
+        """
+        chain = tuple(block for block in self.chain if block.kind != "tone")
+        return chain[0].children() if self._wrapped else chain
+
+    @property
+    def series_path(self) -> str:
+        """Return what the parameter names of `series` begin with."""
+        return "chain.0.chain." if self._wrapped else "chain."
+
+    @property
+    def _wrapped(self) -> bool:
+        return [block.kind for block in self.chain if block.kind != "tone"] == ["oversampled"]
+
     def inserted(self, place: int, block: Block) -> System:
         """Return the system with a block ahead of the one at `place` (len(chain): behind the last)."""
         return replace(self, chain=(*self.chain[:place], block, *self.chain[place:]))

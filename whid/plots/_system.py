@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ Complexes = NDArray[np.complex128]
 
 def linear_blocks(system: Any, side: str) -> list[int]:
     """Return the places in the chain of the linear blocks in front of or behind the nonlinear ones; [] without those."""
-    linear = [hasattr(block, "gain_at") for block in system.chain]
+    linear = [hasattr(block, "gain_at") for block in system.series]
     if all(linear):
         return list(range(len(linear))) if side == "front" else []
     first, last = linear.index(False), len(linear) - 1 - linear[::-1].index(False)
@@ -26,8 +27,8 @@ def gain(system: Any, places: list[int], omega: Floats) -> Complexes:
     g, dc = np.ones(len(omega), complex), 1.0 + 0.0j
     with np.errstate(all="ignore"):
         for place in places:
-            g = g * system.chain[place].gain_at(omega)
-            dc = dc * complex(system.chain[place].gain_at(np.zeros(1))[0])
+            g = g * system.series[place].gain_at(omega)
+            dc = dc * complex(system.series[place].gain_at(np.zeros(1))[0])
     return g / dc if np.isfinite(dc) and dc != 0 else g
 
 
@@ -37,10 +38,12 @@ def gain_and_band(model: Any, places: list[int], omega: Floats) -> tuple[Complex
     def log_gain(values: Floats) -> Complexes:
         changed = dict(zip(np.asarray(names)[mine], values, strict=True))
         chain = tree.with_parameters({str(name): float(value) for name, value in changed.items()}).chain
-        return np.log(gain(_Chain(chain), places, omega))
+        return np.log(gain(replace(model.system, chain=chain), places, omega))
 
     names, tree = model.estimate.names, model.system.tree
-    mine = [j for j, name in enumerate(names) if any(name.startswith(f"chain.{place}.") for place in places)]
+    mine = [
+        j for j, name in enumerate(names) if any(name.startswith(f"{model.system.series_path}{place}.") for place in places)
+    ]
     covariance = np.asarray(model.estimate.covariance)[np.ix_(mine, mine)]
     nominal = gain(model.system, places, omega)
     if not mine or not np.all(np.isfinite(covariance)):
@@ -57,17 +60,12 @@ def _slopes(function: Callable[[Floats], Complexes], at: Floats, std: Floats) ->
     return np.array([(function(at + d) - function(at - d)) / (2 * h) for d, h in zip(shifts, steps, strict=True)])
 
 
-class _Chain:
-    def __init__(self, chain: Any) -> None:
-        self.chain = chain
-
-
 def jump_levels(system: Any) -> Floats:
     """Return the input levels at which the steady output of linear, static and linear blocks in series jumps."""
-    places = [place for place, block in enumerate(system.chain) if hasattr(block, "jumps")]
+    places = [place for place, block in enumerate(system.series) if hasattr(block, "jumps")]
     if len(places) != 1:
         return np.empty(0)
-    block, front = system.chain[places[0]], system.chain[: places[0]]
+    block, front = system.series[places[0]], system.series[: places[0]]
     static = np.prod([complex(b.gain_at(np.zeros(1))[0]).real for b in front if hasattr(b, "gain_at")])
     return np.asarray(block.breakpoints()[np.asarray(block.jumps()) != 0] / static)
 

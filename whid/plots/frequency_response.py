@@ -102,7 +102,7 @@ def _points(run: Any, side: str) -> dict[str, Floats] | None:
 
 def _frequencies(system: Any, places: list[int], points: dict[str, Floats] | None, dt: float) -> Floats:
     """Return a grid that spans the corners and the measured points, below half the sampling rate."""
-    corners = [abs(p) for place in places for p in _corners(system.chain[place])] + list(points["omega"] if points else ())
+    corners = [abs(p) for place in places for p in _corners(system.series[place])] + list(points["omega"] if points else ())
     nyquist = np.pi / dt
     corners = [c for c in corners if 0 < c < np.inf] or [nyquist / 10]
     low, high = min(corners) / 10, min(max(corners) * 10, nyquist)

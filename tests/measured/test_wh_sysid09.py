@@ -1,0 +1,73 @@
+"""The Wiener-Hammerstein benchmark of SYSID 2009, from a cold start: bars on a fifth of the record never looked at."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from whid.config.load import load_study
+from whid.experiments.noise_band import NoiseBand
+from whid.files.ingest import ingest
+from whid.methods.parametric import Parametric
+from whid.predict import predict
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
+CONFIG = ROOT / "configs" / "measured" / "wh_sysid09.yaml"
+REPORT = slice(80_000, 100_000)
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    study = load_study(CONFIG)
+    if not (DATA / study.data.file).is_file():
+        pytest.skip(f"{study.data.file} is not in $WHID_DATA (nor in ../shared/data)")
+    return ingest(study.data, DATA).record
+
+
+def fitted(method, record):
+    stages = {type(stage).__name__: stage for stage in method([record.without("report")])}
+    error = predict(stages["Model"].system.tree, record) - record.y
+    return stages, 1e3 * float(np.sqrt(np.mean(error[REPORT] ** 2))), error
+
+
+def test_from_a_cold_start_with_only_the_orders(benchmark):
+    stages, rmse, error = fitted(load_study(CONFIG).identify, benchmark)
+    print(f"report RMSE {rmse:.4f} mV, estimation {1e3 * np.std(error[6200:80_000]):.4f} mV")
+    assert rmse <= 0.235
+    allocation, aliasing, tone = (stages[name] for name in ("Allocation", "BetweenSamples", "Interference"))
+    assert allocation.front_poles[0] == 3
+    assert aliasing.present
+    assert aliasing.coefficient == pytest.approx(1.0, abs=0.15)
+    assert tone.omega / (2 * np.pi) == pytest.approx(51_200 / 123, abs=0.03)
+    assert tone.harmonics.tolist() == [1, 3, 5]
+
+
+def test_the_curve_is_the_diodes(benchmark):
+    """Straight up to a soft knee, nearly flat beyond it."""
+    stages, _, _ = fitted(load_study(CONFIG, ["identify.interference=none"]).identify, benchmark)
+    curve = stages["Model"].system.series[1]
+    straight, flat = curve.derivative(np.array([-1.5, -0.5])), curve.derivative(np.array([1.9]))
+    assert np.ptp(straight) < 0.03 * straight.mean()
+    assert 0 < flat[0] < 0.08 * straight.mean()
+
+
+@pytest.mark.slow
+def test_with_the_orders_searched_too(benchmark):
+    stages, rmse, _ = fitted(Parametric(), benchmark)
+    print(f"report RMSE {rmse:.4f} mV, {len(stages['LinearFit'].poles)} poles")
+    assert rmse <= 0.235
+
+
+@pytest.mark.slow
+def test_random_segments_of_a_fifth(benchmark):
+    starts = np.random.default_rng(2009).integers(5200, 60_000, 20)
+    found = []
+    for start in starts:
+        part = NoiseBand(start=int(start), stop=int(start) + 20_000)
+        report = NoiseBand(start=80_000, stop=100_000, use="report")
+        record = type(benchmark)(**{**vars(benchmark), "parts": (part, report)})
+        found.append(fitted(load_study(CONFIG).identify, record)[1])
+    print("report RMSE, mV:", np.round(found, 4))
+    assert max(found) <= 0.30

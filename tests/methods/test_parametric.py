@@ -1,0 +1,144 @@
+"""Filter, curve, filter from noise and from a multisine: simulated plants of known structure, to their noise floor."""
+
+import numpy as np
+import pytest
+
+from whid.blocks.chain import Chain
+from whid.blocks.linear import Linear
+from whid.blocks.saturation import Saturation
+from whid.blocks.spline import Spline
+from whid.blocks.tone import Tone
+from whid.errors import WhidError
+from whid.experiments.multisine import Multisine
+from whid.experiments.noise_band import NoiseBand
+from whid.methods.parametric import Nonlinearity, Parametric
+from whid.predict import predict
+from whid.record import Record
+
+DT, SAMPLES, REPORT = 0.1, 16_000, 12_000
+FRONT, BACK = Linear(num=(4.0,), den=(1.0, 1.2, 4.0)), Linear(num=(9.0,), den=(1.0, 2.0, 9.0))
+SOFT = Spline(inputs=(-4.0, -1.0, 0.2, 0.8, 2.0, 4.0), outputs=(-4.0, -1.0, 0.15, 0.4, 0.5, 0.52))
+RELATIVE = 0.01  # noise over output
+
+
+def record(chain, intersample="zoh", seed=0, tone=None, part=None):
+    rng = np.random.default_rng(seed)
+    u = (part or NoiseBand(band=(0.0, 0.35), std=1.0, duration_s=SAMPLES * DT)).input(DT, rng)[:SAMPLES]
+    blank = Record(u=u, y=np.zeros(SAMPLES), dt=DT, intersample=intersample, initial="steady")
+    y = predict(Chain(chain=chain), blank)
+    std = RELATIVE * float(y.std())
+    parts = (NoiseBand(start=0, stop=REPORT), NoiseBand(start=REPORT, stop=SAMPLES, use="report"))
+    added = 0.0 if tone is None else tone.at(blank.time) * std
+    y = y + std * rng.standard_normal(SAMPLES) + added
+    return Record(u=u, y=y, dt=DT, intersample=intersample, initial="steady", parts=parts), std
+
+
+def identify(found, **options):
+    stages = {type(stage).__name__: stage for stage in Parametric(**options)([found.without("report")])}
+    error = (predict(stages["Model"].system.tree, found) - found.y)[REPORT:]
+    return stages, float(np.sqrt(np.mean(error**2)))
+
+
+def within(error, std, excess=1.03):
+    """The figure against the floor: the error of 4000 samples of noise is known to 1.1 %."""
+    return error < std * (excess + 3 / np.sqrt(2 * (SAMPLES - REPORT)))
+
+
+@pytest.mark.parametrize(
+    ("chain", "orders"),
+    [
+        pytest.param((FRONT, SOFT, BACK), (2, 2), id="wiener-hammerstein"),
+        pytest.param((FRONT, SOFT), (2, 0), id="wiener"),
+        pytest.param((SOFT, BACK), (0, 2), id="hammerstein"),
+    ],
+)
+def test_to_the_noise_floor_with_the_orders_given(chain, orders):
+    found, std = record(chain)
+    stages, error = identify(found, orders=orders)
+    print(f"report rms over noise {error / std:.4f}")
+    assert within(error, std)
+    kinds = [block.kind for block in stages["Model"].system.series]
+    assert kinds == ["linear" if block.kind == "linear" else "spline" for block in chain]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("intersample", ["zoh", "bandlimited"])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("chain", "side"), [((FRONT, SOFT, BACK), 1), ((FRONT, SOFT), 1), ((SOFT, BACK), 0)], ids=["wh", "w", "h"]
+)
+def test_orders_and_structure_searched(chain, side, intersample, seed):
+    found, std = record(chain, intersample, seed)
+    stages, error = identify(found)
+    kinds = [block.kind for block in stages["Model"].system.series]
+    print(f"report rms over noise {error / std:.4f}", kinds)
+    assert within(error, std, 1.05)
+    assert kinds.index("spline") == side or len(kinds) == 3
+
+
+def test_band_limited_input_is_oversampled_where_the_curve_is_hard():
+    found, std = record((FRONT, Saturation(low=-0.8, high=0.5), BACK), "bandlimited")
+    _, error = identify(found, orders=(2, 2))
+    slow, slow_error = identify(found, orders=(2, 2), oversampling=1)
+    print(f"report rms over noise {error / std:.4f}, at the record's rate {slow_error / std:.4f}")
+    assert within(error, std, 1.05)
+    assert error < slow_error
+    assert slow["Model"].system.chain[0].kind == "linear"
+
+
+def test_a_multisine_will_do():
+    part = Multisine(period=2000, periods=8, lead_periods=0, band=(0.0, 0.3), rms=1.0)
+    found, std = record((FRONT, SOFT, BACK), part=part)
+    _, error = identify(found, orders=(2, 2))
+    assert within(error, std)
+
+
+def test_a_tone_in_the_residual_joins_the_model():
+    tone = Tone(omega=2.345, cos=(0.5, 0.2), sin=(-0.3, 0.1), harmonics=(1, 3))
+    found, std = record((FRONT, SOFT, BACK), tone=tone)
+    stages, error = identify(found, orders=(2, 2))
+    assert within(error, std)
+    block = stages["Model"].system.chain[-1]
+    assert block.harmonics == (1, 3)
+    z = (block.omega - tone.omega) / stages["Interference"].omega_std
+    assert abs(z) < 4
+    np.testing.assert_allclose(np.array(block.cos) / std, tone.cos, atol=5 * np.sqrt(2 / REPORT))
+    _, alone = identify(found, orders=(2, 2), interference="none")
+    assert alone == pytest.approx(std * np.sqrt(1 + 0.195), rel=0.05)
+
+
+def test_no_tone_is_claimed_in_noise():
+    found, _ = record((FRONT, SOFT), seed=3)
+    stages, _ = identify(found, orders=(2, 0))
+    assert not stages["Interference"].found
+
+
+def test_hinges_with_free_knots():
+    found, std = record((FRONT, Saturation(low=-0.8, high=0.5)), "discrete", seed=1)
+    stages, error = identify(found, orders=(2, 0), nonlinearity=Nonlinearity(kind="hinges", knots=4))
+    curve = stages["Model"].system.series[1]
+    assert curve.kind == "table"
+    np.testing.assert_allclose(curve.inputs[1:3], (-0.8, 0.5), atol=0.02)
+    assert within(error, std)
+
+
+def test_the_model_does_not_depend_on_what_is_kept_aside():
+    found, _ = record((FRONT, SOFT))
+    changed = found.y.copy()
+    changed[REPORT:] = 7.0
+    one, _ = identify(found, orders=(2, 0))
+    other, _ = identify(Record(**{**vars(found), "y": changed}), orders=(2, 0))
+    assert one["Model"].system == other["Model"].system
+
+
+def test_records_of_two_rates_are_refused():
+    found, _ = record((FRONT, SOFT))
+    other = Record(**{**vars(found), "dt": 0.2, "name": "other"})
+    with pytest.raises(WhidError, match="sampling times"):
+        list(Parametric()([found, other]))
+
+
+def test_no_estimation_samples_are_refused():
+    found, _ = record((FRONT, SOFT))
+    with pytest.raises(WhidError, match="estimation"):
+        list(Parametric()([Record(**{**vars(found), "parts": (), "use": "report"})]))
