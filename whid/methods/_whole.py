@@ -17,14 +17,16 @@ from whid.fit import Estimate
 from whid.methods._method import Model
 from whid.quantity import Measured, Quantity, Table
 from whid.record import Record
-from whid.refine import Noise, Refined, gains, profile, refine
+from whid.refine import Refined, gains, profile, refine
 from whid.residual import residual
 from whid.signal import Floats, rms
+from whid.stages._whiten import Bools, autoregression, whitened
 from whid.system import System
 
 PRICE = 10.8  # χ² a number must be worth, as in the segmentation of the levels
 HOPELESS = 100.0  # χ² by which another reading of a border may start worse and still be fitted
 ITERATIONS = 12  # for a trial: from a good start six are enough
+SAME = 1.02  # growth of the residual up to which prewhitening found noise; beyond, it hides what the model lacks
 PLACES = 24  # tried for a jump inside its gap: the cost has one narrow valley there
 
 
@@ -64,26 +66,31 @@ def whole_record(records: Sequence[Record], model: Model, max_degree: int) -> tu
     more than 10.8 a number. The linear blocks keep their unit static gain. Source [PAPERS A, build 3 and 6].
     """
     left = [residual(model.system.tree, record)[record.using("estimation")] for record in records]
-    place = next((k for k, block in enumerate(model.system.chain) if isinstance(block, Piecewise)), None)
-    if place is None:
-        best = fitted(model.system, records)
-        decided: tuple[str, ...] = ()
-        borders: tuple[str, ...] = ()
-    else:
-        search = Search(records, place, max_degree, fitted(located(model.system, records, place), records))
+    place = next((k for k, block in enumerate(model.system.chain) if isinstance(block, Piecewise)), -1)
+    held = unit_gain(model.system) + unseen_breaks(model.system, place)
+    start = located(model.system, records, place) if place > 0 else model.system
+    search = Search(records, place, max_degree, held, refine(start, records, fixed=held))
+    if place >= 0:
         search.borders()
         search.degrees()
-        best, decided = search.best, tuple(search.decided)
-        borders = tuple("kink" if kink else "jump" for kink in search.curve.kinks())
-    if best.estimate.why_stop != "interrupted":
-        coloured = fitted(best.system, records, "ar")
-        best = coloured if np.isfinite(coloured.ar).any() else best
+    best, said = search.best, search.decided
+    if search.coloured and best.estimate.why_stop != "interrupted":
+        white = refine(best.system, records, fixed=held, noise="ar")
+        growth = float(np.sqrt(white.samples @ white.rms**2 / (best.samples @ best.rms**2)))
+        if growth <= SAME:
+            best = white
+        else:
+            best = best._replace(estimate=widened(best.estimate, search.coloured))
+            said.append(f"the residual is no noise: errors are {np.sqrt(search.coloured):.3g} times those of white noise")
     size, noise = (float(np.sqrt(best.samples @ std**2 / best.samples.sum())) for std in (best.rms, best.noise_std))
+    curve = best.system.chain[place]
+    borders = tuple("kink" if kink else "jump" for kink in curve.kinks()) if isinstance(curve, Piecewise) else ()
+    estimate = beside(best.estimate, model.estimate, held)
     stage = WholeRecord(
         rms(np.concatenate(left)), size, noise, best.ar[0][np.isfinite(best.ar[0])], int(best.samples.sum()),
-        borders, decided, best.gauge, best.estimate,
+        borders, tuple(said), best.gauge, estimate,
     )  # fmt: skip
-    return stage, model._replace(system=best.system, estimate=best.estimate)
+    return stage, model._replace(system=best.system, estimate=estimate)
 
 
 @dataclass
@@ -93,8 +100,17 @@ class Search:
     records: Sequence[Record]
     place: int  # of f in the chain
     max_degree: int
+    held: tuple[str, ...]
     best: Refined
     decided: list[str] = field(default_factory=list)
+    coloured: float = 0.0  # long-run variance of the residual over its variance; 0 where it is white
+
+    def __post_init__(self) -> None:
+        whole = [residual(self.best.system.tree, record) for record in self.records]
+        use = [record.using("estimation") & np.isfinite(record.y) for record in self.records]
+        ar = [autoregression(e, u) for e, u in zip(whole, use, strict=True)]
+        if any(map(len, ar)):
+            self.coloured = max(1.0, *(long_run(e, u, a) for e, u, a in zip(whole, use, ar, strict=True) if u.any()))
 
     @property
     def curve(self) -> Piecewise:
@@ -135,14 +151,14 @@ class Search:
         e = self.best.estimate
         for k, piece in enumerate(self.curve.pieces):
             name = f"chain.{self.place}.pieces.{k}.{len(piece) - 1}"
-            if len(piece) > 1 and (e.value(name) / e.std[e.names.index(name)]) ** 2 < PRICE:
+            if len(piece) > 1 and (e.value(name) / e.std[e.names.index(name)]) ** 2 < self.price:
                 self._change(k, piece[:-1])
         f = self.curve
         more = {k: f"chain.{self.place}.pieces.{k}.{len(p)}" for k, p in enumerate(f.pieces) if len(p) <= self.max_degree}
         grown = replace(f, pieces=tuple((*p, 0.0) if k in more else p for k, p in enumerate(f.pieces)))
         system = replaced(self.best.system, self.place, grown)
-        worth = gains(system, self.records, list(more.values()), fixed=unit_gain(system))
-        for k in (k for k, gain in zip(more, worth, strict=True) if gain > PRICE):
+        worth = gains(system, self.records, list(more.values()), fixed=self.held)
+        for k in (k for k, gain in zip(more, worth, strict=True) if gain > self.price):
             self._change(k, (*self.curve.pieces[k], 0.0))
 
     def _change(self, k: int, piece: tuple[float, ...]) -> None:
@@ -157,17 +173,18 @@ class Search:
         if self.best.estimate.why_stop == "interrupted":
             return False
         try:
-            found = fitted(system, self.records, max_iterations=ITERATIONS)
+            found = refine(system, self.records, fixed=self.held, max_iterations=ITERATIONS)
         except WhidError:
             return False
-        better = deviance(found) + PRICE * found.parameters < deviance(self.best) + PRICE * self.best.parameters
+        cost = [deviance(each) + self.price * each.parameters for each in (found, self.best)]
+        better = cost[0] < cost[1] and bool(np.isfinite(found.estimate.std).all())
         self.best = found if better else self.best
         return better
 
-
-def fitted(system: System, records: Sequence[Record], noise: Noise = "white", max_iterations: int = 60) -> Refined:
-    """Return the fit of all numbers but the static gains of the linear blocks."""
-    return refine(system, records, fixed=unit_gain(system), noise=noise, max_iterations=max_iterations)
+    @property
+    def price(self) -> float:
+        """Return the χ² a number must be worth; where the residual is coloured, fewer samples are independent."""
+        return PRICE * max(1.0, self.coloured)
 
 
 def unit_gain(system: System) -> tuple[str, ...]:
@@ -179,6 +196,36 @@ def unit_gain(system: System) -> tuple[str, ...]:
         elif block.kind == "table":
             held.append(f"chain.{k}.inputs")
     return tuple(held)
+
+
+def unseen_breaks(system: System, place: int) -> tuple[str, ...]:
+    """Return the jumps that no transition passes: f comes first in the chain, where a held input steps over them."""
+    f = system.chain[place] if place == 0 else None
+    return tuple(f"chain.0.breaks.{k}" for k in np.flatnonzero(~f.kinks())) if isinstance(f, Piecewise) else ()
+
+
+def beside(estimate: Estimate, staged: Estimate, held: Sequence[str]) -> Estimate:
+    """Return the estimate with what was held but is known from the stages, independent of the rest."""
+    keep = [k for k, name in enumerate(staged.names) if name in held]
+    n, m = len(estimate.names), len(keep)
+    covariance = np.zeros((n + m, n + m))
+    covariance[:n, :n], covariance[n:, n:] = estimate.covariance, staged.covariance[np.ix_(keep, keep)]
+    return estimate._replace(
+        names=(*estimate.names, *(staged.names[k] for k in keep)), covariance=covariance,
+        values=np.append(estimate.values, staged.values[keep]), std=np.append(estimate.std, staged.std[keep]),
+        null_directions=np.pad(estimate.null_directions, ((0, 0), (0, m))),
+    )  # fmt: skip
+
+
+def long_run(residual: Floats, use: Bools, ar: Floats) -> float:
+    """Return the long-run variance over the variance of an autoregressive residual."""
+    innovation = whitened(np.where(use, residual, 0.0)[:, None], use, ar)[use]
+    return float(np.mean(innovation**2) / (1 - ar.sum()) ** 2 / np.mean(residual[use] ** 2))
+
+
+def widened(estimate: Estimate, factor: float) -> Estimate:
+    """Return the estimate with its variances times a factor."""
+    return estimate._replace(covariance=factor * estimate.covariance, std=np.sqrt(factor) * estimate.std)
 
 
 def deviance(found: Refined) -> float:

@@ -11,7 +11,7 @@ from annotated_types import Ge, Gt
 
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
-from whid.methods._method import Method, Stages
+from whid.methods._method import Method, Model, Stages
 from whid.methods._sines import (
     ChainData,
     Sine,
@@ -24,6 +24,7 @@ from whid.methods._sines import (
     on_each_piece,
     unseen,
 )
+from whid.methods._whole import whole_record
 from whid.predict import input_signal
 from whid.record import Record
 from whid.stages.branches import branch_gap
@@ -41,6 +42,7 @@ from whid.system import System
 # The harmonic-floor test reports at 1 %; the model is widened to the neighbouring pieces only on evidence this strong, for
 # all sines together: a false alarm costs precision, and a sine that left its piece enough to matter shows p far below it.
 LEFT = 1e-3
+MOST_SAMPLES = 200_000  # of a whole-record fit that nobody asked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +57,7 @@ class WienerHammerstein(Method):
     orders     poles of front and back; left out: from the data
     settle_s   settling time; left out: from the data
     harmonics  highest harmonic that is looked at
+    whole_record  end with a fit of all numbers to all samples; left out: where there are at most 200 000 of them
     """
 
     normalisation: Literal["unit_dc"] = "unit_dc"
@@ -62,6 +65,7 @@ class WienerHammerstein(Method):
     orders: tuple[Annotated[int, Ge(0)], Annotated[int, Ge(0)]] | None = None
     settle_s: Annotated[float, Gt(0)] | None = None
     harmonics: Annotated[int, Ge(2)] = 20
+    whole_record: bool | None = None
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield settle, levels, branch gap, pieces; then either the sine stages or the lags; the Model last."""
@@ -110,13 +114,15 @@ class WienerHammerstein(Method):
         static, responses = data.static, data.responses
         yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
         if all(is_smooth(pieces, sine) for sine in sines) and not any(left):
-            for same in on_each_piece(static, responses):
+            for same in on_each_piece(static, above_noise(responses)):
                 yield stepwise(static, same)
         yield fit
         if not is_affine(static):
             yield joint(static, above_noise(responses), fit, data.crossed)
-        missing = said + self._missing(any(left), data, fit) + tuple(pieces.assumed(unseen(pieces, data)))
-        yield assemble.from_rational(fit, static, pieces, self.normalisation, missing)
+        missing = said + self._missing(any(left), data, fit)
+        staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
+        assumed = tuple(pieces.assumed(unseen(pieces, data)))
+        yield from self._finished(records, staged, assumed, split=not is_affine(static))
 
     def _from_steps(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
@@ -132,14 +138,22 @@ class WienerHammerstein(Method):
         number[~record.using("estimation")] = -1
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
-        yield assemble.from_lags(
-            found,
-            f,
-            pieces,
-            curve.noise_std,
-            self.normalisation,
-            said + self._missing_steps(found) + tuple(pieces.assumed()),
-        )
+        missing = said + self._missing_steps(found)
+        staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
+        yield from self._finished(records, staged, tuple(pieces.assumed()), split=True)
+
+    def _finished(self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], *, split: bool) -> Stages:
+        """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model."""
+        samples = sum(int(record.using("estimation").sum()) for record in records)
+        wanted = samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
+        if not (wanted and split):
+            yield staged._replace(missing=staged.missing + assumed)
+            return
+        found, model = whole_record(records, staged, self.degree)
+        yield found
+        yield model._replace(missing=model.missing + found.gauge)
+        if found.estimate.why_stop == "interrupted":
+            raise KeyboardInterrupt
 
     def _missing(self, left: bool, data: ChainData, fit: Rational) -> tuple[str, ...]:
         missing = []
