@@ -104,7 +104,7 @@ def identified(key, seed, **options):
     valid = rng.random(len(record)) >= plant.missing
     noisy = replace(record, y=np.where(valid, record.y + e, np.nan), valid=valid)
     found = {}
-    for stage in WienerHammerstein(**options)([noisy]):
+    for stage in WienerHammerstein(whole_record=False, **options)([noisy]):
         found.setdefault(type(stage).__name__, []).append(stage)
     return plant, found
 
@@ -207,5 +207,26 @@ def test_sines_left_out_are_counted():
     first = next(p for p in record.parts if p.kind == "sine")
     cut = [p if p.kind == "hold" or p == first else replace(p, stop=p.start + int(2.5 * p.period)) for p in record.parts]
     e = plant.std * np.random.default_rng(FIRST_SEED).standard_normal(len(record))
-    *_, model = WienerHammerstein()([replace(record, parts=tuple(cut), y=record.y + e)])
+    *_, model = WienerHammerstein(whole_record=False)([replace(record, parts=tuple(cut), y=record.y + e)])
     assert any("3 sines left out: fewer than two periods" in words for words in model.missing)
+
+
+def test_a_resonance_that_carries_v_over_a_jump_is_found_and_said():
+    """u stays below 1.2; a front block with a peak of 2.2 carries v over the jump at 1.6."""
+    (low, high, step, hold), front = (-2.0, 3.0, 0.25, 40.0), Linear(num=(1.0,), den=(1.0, 0.45, 1.0))
+    f = Piecewise(breaks=(1.6,), pieces=((0.0, 1.0, 0.5), (-2.0, 1.0)))
+    sine = Sine(offset=0.2, amplitude=1.0, samples_per_period=(500, 250, 126, 64), periods=15)
+    parts = (Staircase(from_=low, to=high, step=step, hold_s=hold, return_=True), sine)
+    plant = System(chain=(front, f, Linear(num=(1.0,), den=(0.5, 1.0))))
+    record = simulate(plant, Experiment(dt=0.05, parts=parts), np.random.default_rng(0))
+    e = 0.03 * np.random.default_rng(FIRST_SEED).standard_normal(len(record))
+    found = {
+        type(stage).__name__: stage for stage in WienerHammerstein(whole_record=False)([replace(record, y=record.y + e)])
+    }
+    fit, said = found["Rational"], found["Model"].missing
+    assert "Stepwise" not in found
+    assert any("it left the piece" in words for words in said)
+    assert fit.explained
+    assert (len(fit.front_den), len(fit.back_den)) == (3, 2)
+    assert np.all(np.abs(fit.front_den[:2] - [1.0, 0.45]) < 5 * fit.front_den_std[:2])
+    assert abs(fit.back_den[0] - 0.5) < 5 * fit.back_den_std[0]

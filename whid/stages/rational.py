@@ -151,12 +151,20 @@ class _Search:
             best = winner
 
     def first_starts(self, orders: Orders) -> Iterator[Start]:
-        """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other."""
+        """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other.
+
+        Then with a resonance in the band, in front or behind: no descent finds one from real poles when it is sharp.
+        """
         top = float(self.omegas[0].max()) / self.reference
+        m, n, k, j = orders
         for ratio in (1.0, 4.0, 0.25):
             for centre in (2.0 * top, 8.0 * top):
-                m, n, k, j = orders
                 yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
+        for speed in (0.5 * top, 1.2 * top):
+            if n > 1:
+                yield np.zeros(m), _resonant(speed, n), np.zeros(k), _poles(4.0 * top, j)
+            if j > 1:
+                yield np.zeros(m), _poles(4.0 * top, n), np.zeros(k), _resonant(speed, j)
 
     def grown(self, base: _Fitted, orders: Orders) -> Iterator[Start]:
         """Yield starts from a neighbour: added poles beyond the band, zeros at infinity; or without its fastest root."""
@@ -229,6 +237,11 @@ def _poles(speed: float, count: int) -> Floats:
     for k in range(count):
         polynomial = np.convolve(polynomial, [1.0, 1 / (speed * 2.0 ** (k - (count - 1) / 2))])
     return polynomial[1:]
+
+
+def _resonant(speed: float, count: int) -> Floats:
+    """Return a₁ … a_n of a lightly damped pair (ζ = .2), the other poles real and faster."""
+    return np.asarray(np.convolve([1.0, 0.4 / speed, speed**-2.0], np.append(1.0, _poles(4.0 * speed, count - 2)))[1:])
 
 
 def _stable(a: Floats) -> bool:
