@@ -79,3 +79,19 @@ def test_what_speaks_against_a_model_is_said():
     assert "χ²/dof 40" in misfit
     assert "constant" in useless
     assert "limit" in unfinished
+
+
+def test_where_only_the_product_is_claimed_the_product_is_judged():
+    truth = System(
+        chain=(Linear(num=(5.0,), den=(1.0, 1.0)), Polynomial(coefficients=(0.0, 1.0)), Linear(num=(2.0,), den=(0.5, 1.0)))
+    )
+    ours = System(
+        chain=(Linear(num=(1.0,), den=(0.5, 1.5, 1.0)), Polynomial(coefficients=(0.0, 10.0)), Linear(num=(1.0,), den=(1.0,)))
+    )
+    record = Record(
+        u=np.ones(50), y=np.zeros(50), dt=0.2, parts=(Sine(offset=1.0, amplitude=1.0, period=10.0, start=10, stop=50),)
+    )
+    found = score(Model(ours, ESTIMATE), [record], [np.zeros(50)], truth)
+    assert found["linear.gain.error.max"] < 1e-12
+    assert found["linear.phase.error.max"] < 1e-12
+    assert not any(name.startswith(("front", "back")) for name in found)

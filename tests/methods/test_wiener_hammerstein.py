@@ -309,3 +309,12 @@ def test_sines_on_a_flat_piece_say_nothing_and_cost_nothing():
     assert not found["Harmonics"][0].heard
     assert "Rational" not in found
     assert any("no sines" in words for words in found["Model"][0].missing)
+
+
+def test_a_declared_model_gives_the_orders():
+    rough = replace(
+        PLANT, chain=(Linear(num=(1.0,), den=(3.0, 1.0)), PLANT.chain[1], Linear(num=(1.0,), den=(9.0, 6.0, 1.0)))
+    )
+    found = {type(s).__name__: s for s in WienerHammerstein(whole_record=False)([record(FIRST_SEED)], rough)}
+    assert (len(found["Rational"].front_den), len(found["Rational"].back_den)) == (2, 3)
+    assert len(found["Rational"].tried) == 1

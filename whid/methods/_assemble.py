@@ -18,7 +18,7 @@ from whid.stages._responses import StaticPart
 from whid.stages._visits import pooled
 from whid.stages.lags import Lags
 from whid.stages.levels import StaticCurve
-from whid.stages.rational import Rational
+from whid.stages.rational import Orders, Rational
 from whid.stages.segmentation import Segmentation
 from whid.system import System
 
@@ -54,6 +54,23 @@ def joined(curves: Sequence[StaticCurve]) -> StaticCurve:
     every = zip(*((c.level, c.mean, c.mean_std, c.direction, c.samples, c.drifting) for c in curves), strict=True)
     level, mean, std, direction, samples, drifting = map(np.concatenate, every)
     return curves[0]._replace(level=level, mean=mean, mean_std=std, direction=direction, samples=samples, drifting=drifting)
+
+
+def orders_of(model: System) -> Orders:
+    """Return zeros and poles of a declared model's linear blocks, those before its first nonlinear block and those after.
+
+    >>> from whid.blocks.dead_zone import DeadZone
+    >>> orders_of(System(chain=(Linear(num=(1.0,), den=(1.0, 1.0, 1.0)), DeadZone(low=-1.0, high=1.0))))
+    (0, 2, 0, 0)
+    """
+    linear = [isinstance(block, Linear) for block in model.chain]
+    first = linear.index(False) if False in linear else len(linear)
+    sides = (model.chain[:first], model.chain[first:])
+    counts = []
+    for side in sides:
+        polynomials = [block.transfer_function() for block in side if isinstance(block, Linear)]
+        counts += [sum(len(np.trim_zeros(pair[part], "f")) - 1 for pair in polynomials) for part in (0, 1)]
+    return counts[0], counts[1], counts[2], counts[3]
 
 
 def static_block(curve: StaticCurve, pieces: Segmentation) -> Block:

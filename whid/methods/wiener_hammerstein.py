@@ -33,7 +33,7 @@ from whid.stages.identifiability import identifiability
 from whid.stages.joint import joint
 from whid.stages.lags import Lags, lags
 from whid.stages.levels import StaticCurve, level_means
-from whid.stages.rational import Rational
+from whid.stages.rational import Orders, Rational
 from whid.stages.segmentation import Segmentation, segment
 from whid.stages.settle import Settle, settle_time
 from whid.stages.stepwise import stepwise
@@ -54,7 +54,8 @@ class WienerHammerstein(Method):
     blocks: step by step as the paper does, then jointly. With a staircase alone the dynamics are a lag on one side of f.
 
     degree     highest degree of a piece
-    orders     poles of front and back; left out: from the data
+    orders     poles of front and back; left out: zeros and poles as in a declared `model:` (its numbers are not
+               needed), without one from the data
     settle_s   settling time; left out: from the data
     harmonics  highest harmonic that is looked at
     whole_record  end with a fit of all numbers to all samples; left out: where there are at most 200 000 of them
@@ -89,7 +90,9 @@ class WienerHammerstein(Method):
         heard = [sine for sine in sines if sine.harmonics.heard]
         said = _left_out(records, settles, sines, heard)
         if heard:
-            yield from self._from_sines(records, curve, pieces, heard, said)
+            declared = assemble.orders_of(model) if model else None
+            orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
+            yield from self._from_sines(records, curve, pieces, heard, orders, said)
         else:
             yield from self._from_steps(records, curve, pieces, seconds, said)
 
@@ -99,6 +102,7 @@ class WienerHammerstein(Method):
         curve: StaticCurve,
         pieces: Segmentation,
         sines: Sequence[Sine],
+        orders: Orders | None,
         said: tuple[str, ...],
     ) -> Stages:
         """The paper's second part: sines inside a smooth piece."""
@@ -108,7 +112,6 @@ class WienerHammerstein(Method):
                 floor = harmonic_floor(sine.harmonics, degree_under(pieces, sine))
                 yield floor
                 left[i] = floor.p < LEFT / len(sines)
-        orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else None
         samples = sum(int(record.using("estimation").sum()) for record in records)
         data, fit = fit_chain(sines, pieces, curve, left, samples, orders)
         static, responses = data.static, data.responses
