@@ -243,6 +243,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Leave `orders:` out, or change them: complex pairs stay together, a block has no more zeros than poles.",
         FAILED,
     ),
+    "fit-no-model": Explanation(
+        "A fit needs a model to start from, and the config declares none.",
+        "Add `model: {chain: […]}`: its structure counts, its numbers are start values.",
+        CONFIG,
+    ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
         "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",

@@ -46,6 +46,7 @@ def run(
     out: str | Path = "runs",
     overrides: Sequence[str] = (),
     *,
+    base: Path | None = None,
     force: bool = False,
     max_memory: float = 4e9,
     watch: Watch | None = None,
@@ -54,11 +55,12 @@ def run(
 
     The same study on the same data is not run again: its finished result is returned, `reused`; `force` runs it into a
     sibling folder. A method that fails does not raise: the result has its `error` and every stage before it.
-    `watch(step, seconds)` is called after every step. Raises `WhidError` for a faulty config, faulty data, a plant that
-    cannot be simulated, a study beyond `max_memory` (bytes), a folder that cannot be written.
+    `base` is the folder that data files are relative to, left out: the config's own. `watch(step, seconds)` is called after
+    every step. Raises `WhidError` for a faulty config, faulty data, a plant that cannot be simulated, a study beyond
+    `max_memory` (bytes), a folder that cannot be written.
     """
     study = config if isinstance(config, Study) else load_study(config, overrides)
-    base = Path(config).parent if isinstance(config, (str, Path)) else Path()
+    base = base or (Path(config).parent if isinstance(config, (str, Path)) else Path())
     _refuse_beyond(max_memory, memory(study, base))
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
     stem = run_folder.stem(study.name, origin["hash"])

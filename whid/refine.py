@@ -16,7 +16,7 @@ from whid.blocks._block import STEADY, Block
 from whid.errors import WhidError
 from whid.fit import Estimate, Parameter, Triangle, minimise
 from whid.predict import chunks, input_signal
-from whid.quantity import Quantity
+from whid.quantity import Quantity, Table
 from whid.record import Record
 from whid.signal import Floats, rms
 from whid.stages._whiten import autoregression, whitened
@@ -45,6 +45,14 @@ class Refined(NamedTuple):
     ar: Annotated[Floats, Quantity("1", ("record", "lag"))]  # e(t) = Σ aₖ e(t − k) + innovation, NaN beyond the order
     parameters: int  # numbers fitted, those that follow from others not counted
     gauge: tuple[str, ...]
+
+    def table(self) -> Table:
+        """Return one row a record."""
+        rows = zip(self.record, self.samples, self.rms, self.noise_std, self.ar, strict=True)
+        cells = tuple((name, int(n), float(e), float(s), int(np.isfinite(a).sum())) for name, n, e, s, a in rows)
+        e = self.estimate
+        note = f"{self.parameters} numbers, {e.iterations} iterations, {e.why_stop}; BIC {self.bic:.1f}"
+        return Table("Fit", ("record", "samples", "residual rms", "noise std", "noise order"), cells, (note, *self.gauge))
 
     @property
     def bic(self) -> float:
@@ -195,6 +203,11 @@ class Starts(NamedTuple):
     best: Refined
     cost: Annotated[Floats, Quantity("1", ("start",))]  # Σ samples·log σ² of each, the best 0
     agreeing: int  # starts that ended as low as the best, to 1 in χ²
+
+    def table(self) -> Table:
+        """Return where every start ended."""
+        rows = tuple((k + 1, float(c)) for k, c in enumerate(self.cost))
+        return Table("Starts", ("start", "−2 log L above the best"), rows, (f"{self.agreeing} of {len(rows)} agree",))
 
 
 def multistart(

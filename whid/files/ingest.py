@@ -40,14 +40,15 @@ class Chosen(NamedTuple):
     output: int
 
 
-def ingest(source: DataSource, base: Path) -> Ingested:
+def ingest(source: DataSource, base: Path, *, alone: bool = False) -> Ingested:
     """Return the record of a data source; `base` is the folder of the config that names it.
 
-    Raises `WhidError` with a code `data-…`, the file and, where there is one, the row.
+    alone: a file without an output column will do, its y is missing everywhere. Raises `WhidError` with a code `data-…`,
+    the file and, where there is one, the row.
     """
     path, table = locate(source.file, base), opened(source, base)
     try:
-        record, notes = _record(source, table, path)
+        record, notes = _record(source, table, path, alone)
     except WhidError as fault:
         raise fault if fault.where else WhidError(fault.code, fault.message, path.name) from fault
     with path.open("rb") as file:
@@ -60,8 +61,8 @@ def opened(source: DataSource, base: Path) -> Table:
     return open_table(path, delimiter=source.delimiter, decimal=source.decimal, header_lines=source.header_lines)
 
 
-def _record(source: DataSource, table: Table, path: Path) -> tuple[Record, tuple[str, ...]]:
-    chosen, notes = choose(source, table)
+def _record(source: DataSource, table: Table, path: Path, alone: bool) -> tuple[Record, tuple[str, ...]]:
+    chosen, notes = choose(source, table, alone)
     u, y, *times = table.load([k for k in (chosen.input, chosen.output, chosen.time) if k is not None])
     _check_equal(table, chosen, [u, y, *times])
     checks.check_length(len(u), path.name)
@@ -75,6 +76,8 @@ def _record(source: DataSource, table: Table, path: Path) -> tuple[Record, tuple
         "input": source.units.get("input") or table.units.get(table.names[chosen.input], "1"),
         "output": source.units.get("output") or table.units.get(table.names[chosen.output], "1"),
     }
+    if chosen.output == chosen.input:
+        series.valid[:] = False
     whole = bool(series.valid.all())
     record = Record(
         series.input, series.output if whole else np.where(series.valid, series.output, np.nan), dt, t0,
@@ -83,7 +86,7 @@ def _record(source: DataSource, table: Table, path: Path) -> tuple[Record, tuple
     return record, (*notes, *more, *operated, *found)
 
 
-def choose(source: DataSource, table: Table) -> tuple[Chosen, tuple[str, ...]]:
+def choose(source: DataSource, table: Table, alone: bool = False) -> tuple[Chosen, tuple[str, ...]]:
     """Return the columns of a source, those not declared guessed from their names, and a note on the guess.
 
     Raises `WhidError("data-column")` where a column is neither there nor to be guessed.
@@ -96,6 +99,10 @@ def choose(source: DataSource, table: Table) -> tuple[Chosen, tuple[str, ...]]:
         known = dict(zip(wanted, range(len(table.names)), strict=False))
     else:
         known |= {role: k for role in wanted if (k := table.guess(role)) is not None}
+    if alone and "output" not in known and "input" in known:  # the input stands in for an output nobody will look at
+        return Chosen(known.get("time"), known["input"], known["input"]), (
+            f"no output: input = {table.names[known['input']]}",
+        )
     for role in ("input", "output"):
         if role not in known:
             raise WhidError(
