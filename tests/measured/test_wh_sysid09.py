@@ -32,8 +32,13 @@ def fitted(method, record):
     return stages, 1e3 * float(np.sqrt(np.mean(error[REPORT] ** 2))), error
 
 
-def test_from_a_cold_start_with_only_the_orders(benchmark):
-    stages, rmse, error = fitted(load_study(CONFIG).identify, benchmark)
+@pytest.fixture(scope="module")
+def cold(benchmark):
+    return fitted(load_study(CONFIG).identify, benchmark)
+
+
+def test_from_a_cold_start_with_only_the_orders(cold):
+    stages, rmse, error = cold
     print(f"report RMSE {rmse:.4f} mV, estimation {1e3 * np.std(error[6200:80_000]):.4f} mV")
     assert rmse <= 0.235
     allocation, aliasing, tone = (stages[name] for name in ("Allocation", "BetweenSamples", "Interference"))
@@ -44,10 +49,9 @@ def test_from_a_cold_start_with_only_the_orders(benchmark):
     assert tone.harmonics.tolist() == [1, 3, 5]
 
 
-def test_the_curve_is_the_diodes(benchmark):
+def test_the_curve_is_the_diodes(cold):
     """Straight up to a soft knee, nearly flat beyond it."""
-    stages, _, _ = fitted(load_study(CONFIG, ["identify.interference=none"]).identify, benchmark)
-    curve = stages["Model"].system.series[1]
+    curve = cold[0]["Model"].system.series[1]
     straight, flat = curve.derivative(np.array([-1.5, -0.5])), curve.derivative(np.array([1.9]))
     assert np.ptp(straight) < 0.03 * straight.mean()
     assert 0 < flat[0] < 0.08 * straight.mean()

@@ -9,6 +9,7 @@ import numpy as np
 
 from whid.blocks.oversampled import NODES, finer
 from whid.errors import WhidError
+from whid.experiments._part import Use
 from whid.record import Record
 from whid.signal import Floats, held
 from whid.stages.cascade_fit import Window
@@ -17,17 +18,16 @@ SHORTEST = 64  # samples: a stretch below is not worth its lead
 
 
 class Windows:
-    """The estimation parts of records of one rate."""
+    """The parts of one use of records of one rate."""
 
-    def __init__(self, records: Sequence[Record]) -> None:
-        self.records = [record for record in records if record.using("estimation").any()]
+    def __init__(self, records: Sequence[Record], use: Use = "estimation", lead: int = 0) -> None:
+        self.records, self.use, self.lead = [record for record in records if record.using(use).any()], use, lead
         if not self.records:
-            raise WhidError("method-no-data", "no record has samples for estimation")
+            raise WhidError("method-no-data", f"no record has samples for {use}")
         rates = {round(record.dt, 15) for record in self.records}
         if len(rates) > 1:
             raise WhidError("method-rates", f"records of {len(rates)} sampling times: {sorted(rates)} s")
         self.dt = self.records[0].dt
-        self.lead = 0
         self._finer: dict[tuple[int, int], Floats] = {}
 
     @cached_property
@@ -35,10 +35,10 @@ class Windows:
         """Return (record, start, stop) of every unbroken stretch, the longest first."""
         found = []
         for k, record in enumerate(self.records):
-            edges = np.flatnonzero(np.diff(record.using("estimation").astype(int), prepend=0, append=0))
+            edges = np.flatnonzero(np.diff(record.using(self.use).astype(int), prepend=0, append=0))
             found += [(k, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST]
         if not found:
-            raise WhidError("stage-too-short", f"no unbroken stretch of {SHORTEST} samples for estimation")
+            raise WhidError("stage-too-short", f"no unbroken stretch of {SHORTEST} samples for {self.use}")
         return sorted(found, key=lambda item: item[1] - item[2])
 
     @property
@@ -48,8 +48,8 @@ class Windows:
 
     @property
     def samples(self) -> int:
-        """Return how many samples there are for estimation."""
-        return sum(int(record.using("estimation").sum()) for record in self.records)
+        """Return how many samples there are."""
+        return sum(int(record.using(self.use).sum()) for record in self.records)
 
     def first(self, samples: int, factor: int = 1) -> list[Window]:
         """Return the beginning of the longest stretch, or everything where that is not longer."""
@@ -59,16 +59,16 @@ class Windows:
         return [self._window(k, start, start + samples, factor)]
 
     def every(self, factor: int = 1) -> list[Window]:
-        """Return one window a record, from its first to its last estimation sample."""
+        """Return one window a record, from its first to its last sample that counts."""
         found = []
         for k, record in enumerate(self.records):
-            used = np.flatnonzero(record.using("estimation"))
+            used = np.flatnonzero(record.using(self.use))
             found.append(self._window(k, int(used[0]), int(used[-1]) + 1, factor))
         return [window for window in found if window.use.any()]
 
     def _window(self, k: int, start: int, stop: int, factor: int) -> Window:
         record, begin = self.records[k], max(0, start - self.lead)
-        use = record.using("estimation")[begin:stop].copy()
+        use = record.using(self.use)[begin:stop].copy()
         use[: start - begin] = False
         if begin or record.initial != "steady":
             use[: self.lead] = False  # the state before is not known

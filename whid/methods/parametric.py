@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from annotated_types import Ge
 
+from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.methods._method import Method, Stages
 from whid.methods._sampled import from_cascade, with_tone
@@ -48,7 +49,8 @@ class Parametric(Method):
 
     y = G_back · f(G_front · u), G_front(0) = G_back(0) = 1. Best linear approximation, rational fit, all splits of its poles
     and zeros between front and back scored by linear least squares, the best few refined on more and more data; Wiener and
-    Hammerstein systems are the splits that leave one side empty. Aliasing between the samples is looked for, and where it is
+    Hammerstein systems are the splits that leave one side empty. The last choice is by the error on selection parts, where
+    there are some, otherwise by BIC. Aliasing between the samples is looked for, and where it is
     found the blocks run at twice the record's rate.
 
     orders         poles of front and back; left out: from the data
@@ -78,9 +80,10 @@ class Parametric(Method):
         few = data.first(FEW)
         starts = [self._start(split) for found in shared for split in found.best]
         ends = [way.down(few, evenly(start, reached(few, start), KNOTS[0])) for start in starts]
-        finalists = sorted(ends, key=lambda end: bic(few, end))[:FINALISTS]
         some = data.first(SOME)
-        cascade = min((self._grown(some, end, way) for end in finalists), key=lambda end: bic(some, end))
+        finalists = [self._grown(some, end, way) for end in self._finalists(sorted(ends, key=lambda end: bic(few, end)))]
+        kept_back = Windows(records, "selection", data.lead).every() if _has(records, "selection") else None
+        cascade = min(finalists, key=lambda end: rms_error(kept_back, end) if kept_back else bic(some, end))
         if data.records[0].intersample in ("bandlimited", "foh"):
             yield between_samples(some[0], cascade, data.dt)
         cascade, factor = self._oversampled(data, cascade, bla, way)
@@ -101,12 +104,21 @@ class Parametric(Method):
         rng = np.random.default_rng(self.seed)
         if self.orders is not None:
             return [linear_fit(bla, [sum(self.orders)], rng)]
-        found = [linear_fit(bla, [total], rng) for total in TOTALS]
+        found = [fit for total in TOTALS if (fit := _fitted(bla, total, rng)) is not None] or [linear_fit(bla, TOTALS, rng)]
         return sorted(found, key=lambda fit: float(fit.bic.min()))[:3]
 
     def _shared(self, data: Windows, fit: LinearFit, bla: BestLinear) -> Allocation:
         window = data.first(FEW)[0]
         return allocation(window.u, window.y, window.use, alternatives(fit, bla), self.orders)
+
+    def _finalists(self, ranked: list[Cascade]) -> list[Cascade]:
+        """Return the best splits of the orders given; otherwise the best of each structure."""
+        if self.orders is not None:
+            return ranked[:FINALISTS]
+        best: dict[tuple[int, int], Cascade] = {}
+        for cascade in ranked:
+            best.setdefault((len(cascade.front.den), len(cascade.back.den)), cascade)
+        return list(best.values())[: FINALISTS + 1]
 
     def _start(self, split: Split) -> Cascade:
         """Return the cascade of a split, each side with room for as many zeros as poles."""
@@ -157,6 +169,17 @@ class _Way:
             Step(samples, windows[0].factor, numbers, rms, self.estimate.iterations, each, self.estimate.why_stop)
         )
         return cascade
+
+
+def _has(records: Sequence[Record], use: str) -> bool:
+    return any(record.using(use).any() for record in records)
+
+
+def _fitted(bla: BestLinear, total: int, rng: np.random.Generator) -> LinearFit | None:
+    try:
+        return linear_fit(bla, [total], rng)
+    except WhidError:  # no stable one: there are other orders
+        return None
 
 
 def _settled(fit: LinearFit) -> int:

@@ -17,7 +17,7 @@ from whid.signal import Floats
 from whid.stages._cascade import Cascade
 
 ROWS = 8192  # rows that are reduced at once: a chunk stays in the cache
-STIFFNESS = 0.01  # of the curve: what keeps the knots that no sample reaches from drifting
+BENT = 30.0  # f″·(range of v)²/(range of f) that a curve is expected to have, root mean square: an arch has 8, a knee 20
 EVEN = 0.5  # knots spread evenly, over those placed by the bend
 
 
@@ -39,7 +39,7 @@ class Window(NamedTuple):
 def cascade_fit(
     windows: Sequence[Window], start: Cascade, max_iterations: int = 25, tolerance: float = 0.03
 ) -> tuple[Cascade, Estimate]:
-    """Minimise Σ (y − ŷ)² over all numbers of a cascade, with a small penalty on the second differences of a spline.
+    """Minimise Σ (y − ŷ)² over all numbers of a cascade, with a weak prior on the bend of a spline.
 
     Each window starts in the steady state of its first input. The fit stops where no step would be longer than `tolerance`
     standard errors. The estimate names nothing but the order of `Cascade.values`.
@@ -80,9 +80,14 @@ def rms_error(windows: Sequence[Window], cascade: Cascade) -> float:
 
 
 def bic(windows: Sequence[Window], cascade: Cascade) -> float:
-    """Return N·log(Σe²/N) + p·log N; smaller is better."""
-    count = sum(window.samples for window in windows)
-    return count * 2 * float(np.log(rms_error(windows, cascade))) + len(cascade.values) * float(np.log(count))
+    """Return N·log σ² + p·log N, σ² the error that is left when each residual is predicted from the one before it.
+
+    Smaller is better. Drift and slow disturbances would otherwise pay for curves that follow them.
+    """
+    left = list(errors(windows, cascade))
+    power, count = max(sum(float(e @ e) for e in left), 1e-300), sum(len(e) for e in left)
+    rho = min(max(sum(float(e[1:] @ e[:-1]) for e in left) / power, 0.0), 0.99)
+    return count * float(np.log(power * (1 - rho**2) / count)) + len(cascade.values) * float(np.log(count))
 
 
 def reached(windows: Sequence[Window], cascade: Cascade) -> tuple[float, float]:
@@ -135,11 +140,14 @@ def _rows(windows: Sequence[Window], cascade: Cascade, penalty: Floats, curve: s
 
 
 def _penalty(windows: Sequence[Window], start: Cascade) -> Floats:
-    """Return rows P: |P·outputs|² is added, small against the residual even where the curve bends."""
+    """Return rows P of a prior on a spline: |P·outputs|² = (σ/BENT)² ∫ (f″·(range of v)²/(range of f))² dv/(range of v).
+
+    It weighs as much as one sample or less; where hardly a sample lies it keeps the curve from following the noise.
+    """
     if not isinstance(start.curve, Spline):
         return np.zeros((0, len(start.curve.parameters())))
-    inputs, span = start.curve.inputs, float(np.ptp(start.curve.outputs)) or 1.0
-    count = sum(window.samples for window in windows)
-    h = np.diff(inputs)
-    second = curvature(inputs)[1:-1] * (h[1:] * h[:-1])[:, None]
-    return np.asarray(STIFFNESS * np.sqrt(count) * rms_error(windows, start) / span * second)
+    inputs, span = np.array(start.curve.inputs), float(np.ptp(start.curve.outputs)) or 1.0
+    reach = inputs[-1] - inputs[0]
+    share = (inputs[2:] - inputs[:-2]) / (2 * reach)
+    bend = curvature(start.curve.inputs)[1:-1] * reach**2 / span
+    return np.asarray(rms_error(windows, start) / BENT * np.sqrt(share)[:, None] * bend)

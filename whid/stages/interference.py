@@ -13,6 +13,7 @@ from whid.signal import Floats
 
 RARE = 1e-4  # chance that noise alone shows a tone somewhere in the spectrum
 NEIGHBOURS = 200  # lines on either side whose median is the noise around a line
+FEWEST = 50  # periods in the record: fewer are drift
 HIGHEST = 7  # harmonic that is looked for
 
 
@@ -74,9 +75,9 @@ def _strongest(e: Floats) -> float | None:
     """Return the place of the strongest line that stands out of its surroundings, in cycles a record."""
     power = np.abs(np.fft.rfft(e * np.hanning(len(e)))) ** 2
     around = _around(power)
-    ratio = power[2:-1] / around[2:-1]
-    best = int(np.argmax(ratio)) + 2
-    stands_out = ratio[best - 2] > np.log(len(power) / RARE)
+    ratio = power[FEWEST:-1] / around[FEWEST:-1]
+    best = int(np.argmax(ratio)) + FEWEST
+    stands_out = ratio[best - FEWEST] > np.log(len(power) / RARE)
     return float(best) if stands_out else None
 
 
