@@ -58,7 +58,9 @@ class Refined(NamedTuple):
     def bic(self) -> float:
         """Return −2 log L + p log N."""
         noise = int(np.isfinite(self.ar).sum())
-        likelihood = float(self.samples @ np.log(2 * np.pi * np.maximum(self.noise_std, 1e-300) ** 2)) + self.samples.sum()
+        likelihood = (
+            float(self.samples @ (np.log(2 * np.pi) + 2 * np.log(np.maximum(self.noise_std, 1e-300)))) + self.samples.sum()
+        )
         return float(likelihood + (self.parameters + noise) * np.log(self.samples.sum()))
 
 
@@ -218,8 +220,9 @@ def multistart(
 
     A start that cannot be simulated counts as one that ended nowhere (infinite cost).
     """
-    found: list[Refined | None] = [refine(system, records, **options)]  # type: ignore[arg-type]
-    free = system.tree.parameters()
+    first = refine(system, records, **options)  # type: ignore[arg-type]
+    found: list[Refined | None] = [first]
+    free = [p for p in system.tree.parameters() if p.name in first.estimate.names]  # what holds a gauge stays
     for _ in range(starts - 1):
         moved = {p.name: float(np.clip(p.value * np.exp(spread * rng.standard_normal()), p.lower, p.upper)) for p in free}
         try:
@@ -227,9 +230,7 @@ def multistart(
             found.append(refine(replace(system, chain=tree.chain), records, **options))  # type: ignore[arg-type]
         except (WhidError, ValueError, np.linalg.LinAlgError):
             found.append(None)
-    cost = np.array(
-        [np.inf if f is None else float(f.samples @ np.log(np.maximum(f.noise_std, 1e-300) ** 2)) for f in found]
-    )
+    cost = np.array([np.inf if f is None else float(f.samples @ np.log(np.maximum(f.noise_std, 1e-300)) * 2) for f in found])
     best = found[int(np.nanargmin(cost))]
     assert best is not None
     cost -= np.nanmin(cost)

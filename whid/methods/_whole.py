@@ -230,7 +230,7 @@ def widened(estimate: Estimate, factor: float) -> Estimate:
 
 def deviance(found: Refined) -> float:
     """Return −2 log L up to a constant."""
-    return float(found.samples @ np.log(np.maximum(found.noise_std, 1e-300) ** 2))
+    return float(2 * found.samples @ np.log(np.maximum(found.noise_std, 1e-300)))
 
 
 def located(
