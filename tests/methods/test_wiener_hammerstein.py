@@ -38,6 +38,13 @@ def many(count):
     return [(r["Stepwise"][0], r["Joint"][0], r["Rational"][0]) for r in runs]
 
 
+def at(result, quantity):
+    """Return a quantity at the frequencies of the table (a sine taken for one that left its piece brings more of them)."""
+    block = quantity.partition("_")[0]
+    omega = getattr(result, f"{block}_omega")
+    return getattr(result, quantity)[[np.argmin(abs(omega - w)) for w in (OMEGA if block == "front" else BACK)]]
+
+
 def rmse(values, truth):
     return np.sqrt(np.mean((np.array(values) - truth) ** 2, axis=0))
 
@@ -120,7 +127,7 @@ def check_a5(count):
     for name, bound in bounds.items():
         kind, _, quantity = name.partition(" ")
         results = [j if kind == "joint" else r for _, j, r in runs]
-        ratio = rmse([getattr(x, quantity.replace(" ", "_")) for x in results], truth[quantity]) / bound
+        ratio = rmse([at(x, quantity.replace(" ", "_")) for x in results], truth[quantity]) / bound
         print(f"A5 {name}: RMSE/CRB {ratio.round(3)} (bar 0.9 … 1.1)")
         assert within(ratio, count, 0.9, 1.1), name
 
@@ -128,19 +135,19 @@ def check_a5(count):
 def check_a6(count):
     runs = many(count)
     gains = [
-        rmse([r.front_gain for _, _, r in runs], abs(front(OMEGA))),
-        rmse([r.back_gain for _, _, r in runs], abs(back(BACK))),
+        rmse([at(r, "front_gain") for _, _, r in runs], abs(front(OMEGA))),
+        rmse([at(r, "back_gain") for _, _, r in runs], abs(back(BACK))),
     ]
     phases = [
-        rmse([r.front_phase for _, _, r in runs], np.angle(front(OMEGA))),
-        rmse([r.back_phase for _, _, r in runs], np.angle(back(BACK))),
+        rmse([at(r, "front_phase") for _, _, r in runs], np.angle(front(OMEGA))),
+        rmse([at(r, "back_phase") for _, _, r in runs], np.angle(back(BACK))),
     ]
     print(f"\nA6 joint rational over {count} seeds: gains {np.concatenate(gains)} (bar .003)")
     print(f"A6 joint rational over {count} seeds: phases {np.concatenate(phases)} (bar .010)")
     assert max(map(np.max, gains)) <= 0.003
     assert max(map(np.max, phases)) <= 0.010
-    nonparametric = [rmse([j.front_phase for _, j, _ in runs], np.angle(front(OMEGA)))]
-    nonparametric.append(rmse([j.back_phase for _, j, _ in runs], np.angle(back(BACK))))
+    nonparametric = [rmse([at(j, "front_phase") for _, j, _ in runs], np.angle(front(OMEGA)))]
+    nonparametric.append(rmse([at(j, "back_phase") for _, j, _ in runs], np.angle(back(BACK))))
     print(f"A6 joint nonparametric, gauge joint rational: phases {np.concatenate(nonparametric)}")
     assert max(map(np.max, nonparametric)) <= 0.010
 
