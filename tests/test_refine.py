@@ -79,7 +79,7 @@ def test_it_finds_a_hard_nonlinearity_between_two_linear_blocks():
     rough = Piecewise(breaks=(-0.47, 0.7), pieces=((0.4, 0.7), (0.05,), (-0.44, 0.0, 1.0)))
     start = System(chain=(replace(HARD.chain[0], den=(0.7, 1.5, 1.0)), rough, replace(HARD.chain[2], den=(0.6, 1.0))))
     found = refine(start, [record], fixed=UNIT)
-    assert found.estimate.why_stop == "converged"
+    assert found.estimate.why_stop in ("converged", "small step")
     assert found.rms[0] == pytest.approx(0.01, rel=4 / np.sqrt(2 * 3000))
     truth = {p.name: p.value for p in HARD.tree.parameters()}
     e = found.estimate

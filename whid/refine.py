@@ -105,7 +105,7 @@ def refine(
         samples = sum(int(d.use.sum()) for d in data)
         fit = minimise(
             problem.cost, problem.linearise, _started(problem, theta), known=std is not None,
-            max_iterations=max_iterations, tolerance=CLOSE, watch=_told(watch, samples),
+            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=CLOSE, watch=_told(watch, samples),
         )  # fmt: skip
         moved = np.abs(fit.values - theta) / np.where(np.isfinite(fit.std) & (fit.std > 0), fit.std, np.inf)
         theta = fit.values
