@@ -6,7 +6,7 @@ from scipy.signal import freqz, lfilter
 
 from whid.errors import WhidError
 from whid.stages._cascade import Filter
-from whid.stages.best_linear import best_linear
+from whid.stages.best_linear import best_linear, local_polynomial
 from whid.stages.linear_fit import alternatives, linear_fit, matched
 
 POLES = np.array([0.8 + 0.4j, 0.8 - 0.4j, 0.7])
@@ -76,3 +76,14 @@ def test_a_filter_is_matched_at_twice_the_rate():
     fast = matched(slow.at(turn), turn / 2, 2, 2)
     assert fast.stable
     np.testing.assert_allclose(fast.at(turn / 2), slow.at(turn), atol=2e-3)
+
+
+def test_a_local_polynomial_sees_a_slow_pole_in_a_short_record():
+    """Windows of a record of 600 samples smear a pole of 80 samples; a parabola with its own leakage does not."""
+    rng = np.random.default_rng(4)
+    pole = np.exp(-1 / 80)
+    u = np.convolve(rng.standard_normal(800), np.ones(10) / 10)[:800]
+    y = (lfilter([1 - pole], [1, -pole], u) + 1e-3 * rng.standard_normal(800))[200:]
+    found = local_polynomial(u[200:], y, 1.0)
+    fit = linear_fit(found, [1], np.random.default_rng(0))
+    assert np.log(fit.poles[0].real) == pytest.approx(-1 / 80, rel=0.1)

@@ -47,6 +47,11 @@ class Windows:
         return [(self.records[k].u[a:b], self.records[k].y[a:b]) for k, a, b in self.stretches]
 
     @property
+    def longest(self) -> int:
+        """Return the length of the longest stretch."""
+        return self.stretches[0][2] - self.stretches[0][1]
+
+    @property
     def samples(self) -> int:
         """Return how many samples there are."""
         return sum(int(record.using(self.use).sum()) for record in self.records)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -16,9 +16,9 @@ from whid.methods._method import Method, Stages
 from whid.methods._sampled import from_cascade, with_tone
 from whid.methods._windows import Windows
 from whid.record import Record
-from whid.stages._cascade import Cascade
+from whid.stages._cascade import Cascade, Filter
 from whid.stages.allocation import Allocation, Split, allocation
-from whid.stages.best_linear import BestLinear, best_linear
+from whid.stages.best_linear import SHORT, BestLinear, Complexes, best_linear, local_polynomial
 from whid.stages.between_samples import between_samples
 from whid.stages.cascade_fit import Window, bic, by_bend, cascade_fit, curve_through, evenly, reached, rms_error
 from whid.stages.descent import Step, descent
@@ -69,11 +69,10 @@ class Parametric(Method):
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield best linear approximation, linear fit, allocation, aliasing, descent; the Model last."""
         data, way = Windows(records), _Way([])
-        bla = best_linear(data.signals, data.dt)
+        bla, fits = self._linear(data)
         yield bla
-        fits = self._linear(bla)
         yield fits[0]
-        data.lead = _settled(fits[0])
+        data.lead = min(_settled(fits[0]), data.longest // 4)
         shared = [self._shared(data, fit, bla) for fit in fits]
         best = min(shared, key=lambda found: found.rms[0])
         yield best
@@ -99,17 +98,24 @@ class Parametric(Method):
             found = with_tone(found, tones) if tones.found else found
         yield found
 
-    def _linear(self, bla: BestLinear) -> list[LinearFit]:
-        """Return the linear fit of the total order given, or the three of the best BIC."""
+    def _linear(self, data: Windows) -> tuple[BestLinear, list[LinearFit]]:
+        """Return the linear approximation and its fit of the total order given, or the three fits of the best BIC.
+
+        Where no stable fit goes through Welch's response of a short record, the local polynomial's is taken.
+        """
         rng = np.random.default_rng(self.seed)
-        if self.orders is not None:
-            return [linear_fit(bla, [sum(self.orders)], rng)]
-        found = [fit for total in TOTALS if (fit := _fitted(bla, total, rng)) is not None] or [linear_fit(bla, TOTALS, rng)]
-        return sorted(found, key=lambda fit: float(fit.bic.min()))[:3]
+        totals = TOTALS if self.orders is None else [sum(self.orders)]
+        bla = best_linear(data.signals, data.dt)
+        fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
+        if not fits and data.samples < SHORT:
+            bla = local_polynomial(*data.signals[0], data.dt)
+            fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
+        fits = fits or [linear_fit(bla, totals, rng)]  # its fault says what is wrong
+        return bla, sorted(fits, key=lambda fit: float(fit.bic.min()))[:3]
 
     def _shared(self, data: Windows, fit: LinearFit, bla: BestLinear) -> Allocation:
         window = data.first(FEW)[0]
-        return allocation(window.u, window.y, window.use, alternatives(fit, bla), self.orders)
+        return allocation(window.u, window.y, window.use, _roots(data, fit, bla), self.orders)
 
     def _finalists(self, ranked: list[Cascade]) -> list[Cascade]:
         """Return the best splits of the orders given; otherwise the best of each structure."""
@@ -169,6 +175,20 @@ class _Way:
             Step(samples, windows[0].factor, numbers, rms, self.estimate.iterations, each, self.estimate.why_stop)
         )
         return cascade
+
+
+def _roots(data: Windows, fit: LinearFit, bla: BestLinear) -> Iterator[tuple[Complexes, Complexes]]:
+    """Yield (zeros, poles) to share: those of the response, and of a short record those of a fit in time as well.
+
+    In time the distortion of a nonlinear system weighs like noise: long records tell the poles better by their response.
+    """
+    yield from alternatives(fit, bla)
+    if data.samples < SHORT:
+        line = curve_through("spline", np.array([-1.0, 1.0]), np.array([-1.0, 1.0]) * fit.gain)
+        zeros = fit.zeros[: len(fit.poles)]
+        start = Cascade(Filter.of_roots(zeros, fit.poles), line, Filter(np.empty(0), np.empty(0)))
+        front = cascade_fit(data.every(), start, 100)[0].front
+        yield np.roots(front.num_z).astype(complex), np.roots(front.den_z).astype(complex)
 
 
 def _has(records: Sequence[Record], use: str) -> bool:

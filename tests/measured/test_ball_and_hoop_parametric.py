@@ -1,0 +1,54 @@
+"""Ball and hoop without a label: the parametric fit against the staged one on the same random steps, never fitted."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from whid.config.load import load_study
+from whid.files.ingest import ingest
+from whid.methods.parametric import Parametric
+from whid.predict import predict
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
+
+
+def records(config):
+    sources = load_study(ROOT / "configs" / "measured" / config).records
+    if not all((DATA / source.file).is_file() for source in sources):
+        pytest.skip("the ball and hoop records are not in $WHID_DATA (nor in ../shared/data)")
+    return [ingest(source, DATA).record for source in sources]
+
+
+def model_of(method, found):
+    return list(method([record.without("report") for record in found]))[-1].system
+
+
+def error(system, record, where):
+    return float(np.sqrt(np.mean((predict(system.tree, record) - record.y)[where] ** 2)))
+
+
+def test_both_records_together_beat_the_staircase_alone():
+    ours = records("ball_and_hoop_parametric.yaml")
+    staged = model_of(
+        load_study(ROOT / "configs" / "measured" / "ball_and_hoop.yaml").identify, records("ball_and_hoop.yaml")[:1]
+    )
+    kept = ours[1].using("report")
+    figures = {
+        "staged, staircase": error(staged, ours[1], kept),
+        "parametric, hammerstein": error(model_of(Parametric(orders=(0, 1)), ours), ours[1], kept),
+        "parametric, orders searched": error(model_of(Parametric(), ours), ours[1], kept),
+    }
+    print({name: round(value, 4) for name, value in figures.items()})
+    assert figures["parametric, hammerstein"] < 0.26
+    assert figures["parametric, orders searched"] < figures["staged, staircase"]
+
+
+def test_the_staircase_alone_predicts_the_random_steps():
+    staircase, random_steps = records("ball_and_hoop.yaml")
+    system = model_of(Parametric(orders=(0, 1)), [staircase])
+    rms = error(system, random_steps, slice(None))
+    print(f"report rms {rms:.4f} V")
+    assert rms <= 0.31
