@@ -17,6 +17,7 @@ from whid.blocks.piecewise import Piecewise
 from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
 from whid.experiments.hold import Hold
+from whid.experiments.sine import Sine
 from whid.fit import Estimate
 from whid.predict import predict
 from whid.record import Record
@@ -286,3 +287,28 @@ def test_estimate_of_a_tree_names_its_numbers():
     assert isinstance(found.estimate, Estimate)
     assert found.estimate.names == tuple(p.name for p in Chain(chain=CURVE.chain).parameters())
     assert "residual rms" in found.table().columns
+
+
+def test_averaged_periods_give_the_answer_of_the_time_fit():
+    """Settled periods alone, in time and in sufficient statistics: the same numbers to 1e-8."""
+    parts = (
+        Sine(offset=0.2, amplitude=1.5, period=120.0, periods=30, lead_periods=5, start=0, stop=4200),
+        Sine(offset=0.1, amplitude=1.0, period=60.0, periods=20, lead_periods=10, start=4200, stop=6000),
+    )
+    rng = np.random.default_rng(23)
+    u = np.concatenate([part.input(0.1, rng) for part in parts])
+    record = recorded(HARD, u, noise=0.01, seed=24, parts=parts)
+    settled = np.ones(6000, bool)
+    settled[:600] = settled[4200:4800] = False
+    start = replace(HARD, chain=(replace(HARD.chain[0], den=(0.85, 1.45, 1.0)), *HARD.chain[1:]))
+    in_time = refine(start, [replace(record, valid=settled)], fixed=UNIT)
+    averaged = refine(start, [record], fixed=UNIT, periodic=True)
+    scale = in_time.estimate.std
+    assert (
+        np.abs(averaged.estimate.values - in_time.estimate.values).max()
+        < 1e-8 * np.abs(in_time.estimate.values).max() + 1e-4 * scale.max()
+    )
+    np.testing.assert_allclose(averaged.estimate.std, scale, rtol=1e-5)
+    np.testing.assert_allclose(averaged.rms, in_time.rms, rtol=1e-8)
+    assert averaged.samples.tolist() == in_time.samples.tolist() == [4800.0]
+    assert averaged.estimate.dof == in_time.estimate.dof

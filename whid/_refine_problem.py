@@ -32,6 +32,7 @@ class Data:
     use    (N,) samples that count
     std    of the noise (of its innovation, where `ar` colours it); 1 while it is unknown
     weight (N,) factors of the residual, or None
+    periods, scatter  the use samples are the mean of so many periods, which scatter about it by so much, Σ (y − ȳ)²
     past   lengths of the held levels that stand for an unknown past (`initial: free`), oldest first
     """
 
@@ -41,6 +42,8 @@ class Data:
     ar: Floats = field(default_factory=lambda: np.empty(0))
     weight: Floats | None = None
     past: tuple[int, ...] = ()
+    periods: int = 1
+    scatter: float = 0.0
 
     @classmethod
     def of(cls, record: Record, tree: Block) -> Data:
@@ -76,6 +79,11 @@ class Data:
         return STEADY
 
     @property
+    def samples(self) -> int:
+        """Return how many measured samples count."""
+        return int(self.use.sum()) * self.periods
+
+    @property
     def lead(self) -> int:
         """Return the samples that stand before the record."""
         return sum(self.past)
@@ -91,13 +99,22 @@ def _past(tree: Block, record: Record) -> tuple[int, ...]:
     A state that was reached was reached by some input: its levels are numbers that keep their meaning while the model
     changes, which coordinates of a state do not.
     """
-    poles = [(np.roots(block.transfer_function()[1]), block.dt) for _, block in walk(tree) if isinstance(block, Linear)]
-    rates = [abs(np.log(np.abs(p) + 1e-300)) if dt else abs(p.real) * record.dt for p, dt in poles]
-    states = min(sum(len(p) for p, _ in poles), MOST_STATES)
-    slow = np.concatenate([r for r in rates if len(r)] or [np.ones(1)])
-    memory = 3.0 / max(float(slow[slow > 0].min(initial=np.inf)), 3.0 / max(len(record), 3))
+    states = min(sum(len(p) for p, _ in _poles(tree)), MOST_STATES)
+    samples = memory(tree, record.dt, len(record))
     shares = 2.0 ** np.arange(states)[::-1]
-    return tuple(int(max(1, np.ceil(memory * share / shares.sum()))) for share in shares)
+    return tuple(int(max(1, np.ceil(samples * share / shares.sum()))) for share in shares)
+
+
+def memory(tree: Block, dt: float, most: int) -> float:
+    """Return three time constants of the slowest linear block, in samples, `most` at most."""
+    rates = [np.abs(np.log(np.abs(p) + 1e-300)) if discrete else np.abs(p.real) * dt for p, discrete in _poles(tree)]
+    slow = np.concatenate([r for r in rates if len(r)] or [np.ones(1)])
+    return 3.0 / max(float(slow[slow > 0].min(initial=np.inf)), 3.0 / max(most, 3))
+
+
+def _poles(tree: Block) -> list[tuple[NDArray[np.complex128], bool]]:
+    blocks = [block for _, block in walk(tree) if isinstance(block, Linear)]
+    return [(np.asarray(np.roots(b.transfer_function()[1]), complex), b.dt is not None) for b in blocks]
 
 
 def fastest(tree: Block, dt: float) -> float:
@@ -135,17 +152,23 @@ class Problem:
             tree = self.free.at(theta[: len(self.free.parameters)])
             if any(fastest(tree, d.record.dt) > FASTEST for d in self.data):
                 return float("inf")
-            return sum(float(rows[:, 0] @ rows[:, 0]) for rows in self._rows(theta, tangents=False))
+            rows = self._rows(theta, tangents=False)
+            return self._scatter + sum(float(part[:, 0] @ part[:, 0]) for part in rows)
         except (WhidError, ValueError, np.linalg.LinAlgError):
             return float("inf")
 
     def linearise(self, theta: Floats) -> Triangle:
         """Return χ² to second order about θ, by the tangents of the simulation."""
-        return Triangle.stacked(self._rows(theta, tangents=True))
+        found = Triangle.stacked(self._rows(theta, tangents=True))
+        return found._replace(rest=found.rest + self._scatter, samples=sum(d.samples for d in self.data))
+
+    @property
+    def _scatter(self) -> float:
+        return sum(d.scatter / d.std**2 for d in self.data)
 
     def residuals(self, theta: Floats) -> list[Floats]:
         """Return ŷ − y of every record, in its own unit, NaN where a sample does not count."""
-        raw = replace(self, data=tuple(replace(d, std=1.0, ar=np.empty(0), weight=None) for d in self.data))
+        raw = replace(self, data=tuple(replace(d, std=1.0, ar=np.empty(0), weight=None, periods=1) for d in self.data))
         found = [np.full(len(d.use), np.nan) for d in self.data]
         for record, d, rows in zip(found, raw.data, raw._by_record(theta, tangents=False), strict=True):
             record[d.use] = np.concatenate([part[:, 0] for part in rows])
@@ -200,7 +223,8 @@ def _weighted(d: Data, chunked: Iterator[Floats]) -> Iterator[Floats]:
             before, known = joint[-p:], valid[-p:]
         else:
             white = rows
-        factor = np.full(len(rows), 1 / d.std) if d.weight is None else d.weight[start : start + len(rows)] / d.std
+        factor = np.full(len(rows), np.sqrt(d.periods) / d.std)
+        factor = factor if d.weight is None else factor * d.weight[start : start + len(rows)]
         start += len(rows)
         yield white[use] * factor[use, None]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid._refine_free import FreeNumbers
+from whid._refine_periodic import periodic as averaged
 from whid._refine_problem import Data, Problem, data_of
 from whid._refine_words import common_factor, dependent, in_words, last_to_hold
 from whid.blocks._block import STEADY, Block
@@ -74,6 +75,7 @@ def refine(
     fixed: Sequence[str] = (),
     tied: Sequence[Sequence[str]] = (),
     std: Sequence[float] | None = None,
+    periodic: bool = False,
     watch: Watch | None = None,
     max_iterations: int = 60,
 ) -> Refined:
@@ -83,7 +85,9 @@ def refine(
     does `fixed`, names or their beginnings (`chain.0`). `tied` are groups of names with one common value. Pieces that meet
     at a break (a kink) keep meeting. Directions without effect are held and said in words. Every record has a noise of its
     own: σ from its residual (or `std`, known), coloured with `noise="ar"`: residual and tangents are prewhitened.
-    `robust`: Huber's loss. `initial: free`: the levels of an unknown past are nuisance numbers.
+    `robust`: Huber's loss. `periodic`: the settled periods of periodic parts are averaged first (white noise only; their
+    lead periods are left out): the same answer, far cheaper. `initial: free`: the levels of an unknown past are nuisance
+    numbers.
     `watch(iteration, χ²/N)` follows; Ctrl-C keeps the best so far, `estimate.why_stop` says so.
     Raises `WhidError("fit-no-data")`, `WhidError("fit-parameter")`. Source [PAPERS A, build 6].
 
@@ -96,13 +100,16 @@ def refine(
      'numerator and denominator of chain.0 (linear) have a common factor: chain.0.den.1 is held')
     """
     data = data_of(records, system.tree, std)
+    if periodic and noise == "white" and not robust:
+        data = tuple(part for d in data for part in averaged(d, system.tree))
     problem, gauge = _gauged(FreeNumbers(system.tree, tuple(fixed), tuple(map(tuple, tied))), data, path)
     theta = problem.start
-    learn = std is None and (len(data) > 1 or noise == "ar" or robust)
-    if std is None and len(data) > 1:
+    several = len({d.record.name for d in data}) > 1
+    learn = std is None and (several or noise == "ar" or robust)
+    if std is None and several:
         problem = _with_noise(problem, theta, "white", robust=False)
     for turn in range(ROUNDS):
-        samples = sum(int(d.use.sum()) for d in data)
+        samples = sum(d.samples for d in data)
         fit = minimise(
             problem.cost, problem.linearise, _started(problem, theta), known=std is not None,
             max_iterations=max_iterations, tolerance=CLOSE, idle_gain=CLOSE, watch=_told(watch, samples),
@@ -270,13 +277,34 @@ def _said(tree: Block, names: list[str], triangle: Triangle, name: str, directio
 def _with_noise(problem: Problem, theta: Floats, noise: Noise, *, robust: bool) -> Problem:
     """Return the problem with each record's noise as its residual shows it."""
     data = []
-    for d, e in zip(problem.data, problem.residuals(theta), strict=True):
+    errors = problem.residuals(theta)
+    if noise == "white" and not robust:
+        std = _by_record(
+            problem, [d.periods * np.nansum(e**2) + d.scatter for d, e in zip(problem.data, errors, strict=True)]
+        )
+        return replace(problem, data=tuple(replace(d, std=max(std[d.record.name], 1e-300)) for d in problem.data))
+    for d, e in zip(problem.data, errors, strict=True):
         ar = autoregression(e, d.use) if noise == "ar" else np.empty(0)
         white = whitened(np.where(d.use, e, 0.0)[:, None], d.use, ar)[:, 0]
-        std = float(np.median(np.abs(white[d.use])) / 0.6745) if robust else rms(white[d.use])
-        weight = np.sqrt(np.minimum(1.0, HUBER * std / np.maximum(np.abs(white), 1e-300))) if robust else None
-        data.append(replace(d, ar=ar, std=max(std, 1e-300), weight=weight))
+        size = float(np.median(np.abs(white[d.use])) / 0.6745) if robust else rms(white[d.use])
+        weight = np.sqrt(np.minimum(1.0, HUBER * size / np.maximum(np.abs(white), 1e-300))) if robust else None
+        data.append(replace(d, ar=ar, std=max(size, 1e-300), weight=weight))
     return replace(problem, data=tuple(data))
+
+
+def _by_record(problem: Problem, squares: Sequence[float]) -> dict[str, float]:
+    """Return the root mean square of every record, whose averaged parts stand apart in the problem."""
+    total, samples = dict.fromkeys((d.record.name for d in problem.data), 0.0), _samples(problem)
+    for d, each in zip(problem.data, squares, strict=True):
+        total[d.record.name] += float(each)
+    return {name: float(np.sqrt(total[name] / samples[name])) for name in total}
+
+
+def _samples(problem: Problem) -> dict[str, int]:
+    count = dict.fromkeys((d.record.name for d in problem.data), 0)
+    for d in problem.data:
+        count[d.record.name] += d.samples
+    return count
 
 
 def _expanded(problem: Problem, fit: Estimate) -> Estimate:
@@ -300,14 +328,17 @@ def _result(system: System, problem: Problem, fit: Estimate, gauge: tuple[str, .
     if unseen:
         gauge = (*gauge, f"the data do not determine {', '.join(unseen)}")
     errors = problem.residuals(fit.values)
-    order = max(len(d.ar) for d in problem.data)
-    white = [
-        whitened(np.where(d.use, e, 0.0)[:, None], d.use, d.ar)[d.use, 0] for d, e in zip(problem.data, errors, strict=True)
-    ]
+    pairs = list(zip(problem.data, errors, strict=True))
+    white = [whitened(np.where(d.use, e, 0.0)[:, None], d.use, d.ar)[d.use, 0] for d, e in pairs]
+    size, innovation = (
+        _by_record(problem, [d.periods * np.nansum(e**2) + d.scatter for d, e in zip(problem.data, each, strict=True)])
+        for each in (errors, white)
+    )
+    ar = {d.record.name: d.ar for d in problem.data}
+    order = max(map(len, ar.values()))
     return Refined(
-        replace(system, chain=tree.chain), estimate, tuple(d.record.name for d in problem.data),
-        np.array([float(d.use.sum()) for d in problem.data]), np.array([rms(e) for e in errors]),
-        np.array([rms(w) for w in white]),
-        np.array([np.pad(d.ar, (0, order - len(d.ar)), constant_values=np.nan) for d in problem.data]),
+        replace(system, chain=tree.chain), estimate, tuple(size), np.array([float(n) for n in _samples(problem).values()]),
+        np.array(list(size.values())), np.array(list(innovation.values())),
+        np.array([np.pad(a, (0, order - len(a)), constant_values=np.nan) for a in ar.values()]),
         fit.rank, gauge,
     )  # fmt: skip
