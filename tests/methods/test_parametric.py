@@ -93,6 +93,21 @@ def test_a_multisine_will_do():
     assert within(error, std)
 
 
+def test_several_multisines_tell_noise_from_distortion():
+    parts = [Multisine(period=1000, periods=2, lead_periods=1, band=(0.0, 0.35)) for _ in range(5)]
+    rng = np.random.default_rng(7)
+    u = np.concatenate([part.input(DT, rng) for part in parts])
+    placed = tuple(part.placed(3000 * k, DT) for k, part in enumerate(parts))
+    blank = Record(u=u, y=np.zeros(len(u)), dt=DT, initial="steady", parts=placed)
+    y = predict(Chain(chain=(FRONT, SOFT, BACK)), blank)
+    std = RELATIVE * float(y.std())
+    found = Record(**{**vars(blank), "y": y + std * rng.standard_normal(len(u))})
+    stages = {type(stage).__name__: stage for stage in Parametric(orders=(2, 2))([found])}
+    assert stages["BestLinear"].averages == 5
+    assert np.median(stages["BestLinear"].noise / stages["BestLinear"].std) < 0.5
+    assert stages["Descent"].rms[-1] < 1.03 * std
+
+
 def test_a_tone_in_the_residual_joins_the_model():
     tone = Tone(omega=2.345, cos=(0.5, 0.2), sin=(-0.3, 0.1), harmonics=(1, 3))
     found, std = record((FRONT, SOFT, BACK), tone=tone)

@@ -6,7 +6,7 @@ from scipy.signal import freqz, lfilter
 
 from whid.errors import WhidError
 from whid.stages._cascade import Filter
-from whid.stages.best_linear import best_linear, local_polynomial
+from whid.stages.best_linear import best_linear, local_polynomial, realisations
 from whid.stages.linear_fit import alternatives, linear_fit, matched
 
 POLES = np.array([0.8 + 0.4j, 0.8 - 0.4j, 0.7])
@@ -87,3 +87,32 @@ def test_a_local_polynomial_sees_a_slow_pole_in_a_short_record():
     found = local_polynomial(u[200:], y, 1.0)
     fit = linear_fit(found, [1], np.random.default_rng(0))
     assert np.log(fit.poles[0].real) == pytest.approx(-1 / 80, rel=0.1)
+
+
+def multisines(curve, std, count=40, periods=6, samples=512, seed=5):
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        spectrum = np.zeros(samples // 2 + 1, complex)
+        spectrum[1:120] = np.exp(2j * np.pi * rng.random(119))
+        u = np.tile(np.fft.irfft(spectrum, samples) * samples / np.sqrt(2 * 119), periods + 1)
+        y = lfilter(NUM, DEN, curve(u))[samples:] + std * rng.standard_normal(periods * samples)
+        found.append((u[samples:].reshape(periods, samples), y.reshape(periods, samples)))
+    return found
+
+
+def test_realisations_of_a_linear_system_scatter_by_noise_alone():
+    found = realisations(multisines(lambda u: u, 0.3), 0.1)
+    _, true = freqz(NUM, DEN, found.omega * 0.1)
+    assert len(found.omega) == 119
+    squares = np.abs(found.response - true) ** 2 / (2 * found.std**2)
+    assert np.mean(squares) == pytest.approx(1.0, abs=4 / np.sqrt(119))
+    assert np.mean(found.noise**2 / found.std**2) == pytest.approx(1.0, abs=0.15)
+
+
+def test_realisations_tell_distortion_from_noise():
+    quiet = realisations(multisines(lambda u: np.clip(u, -0.5, 0.5), 1e-3), 0.1)
+    assert np.median(quiet.noise / quiet.std) < 0.1
+    _, true = freqz(NUM, DEN, quiet.omega * 0.1)
+    gain = quiet.response / true  # the clip's Bussgang gain, P(|u| < 0.5), up to 1/lines for a sum of 119 sines
+    assert np.mean(gain.real) == pytest.approx(2 * 0.19146, abs=0.01)

@@ -47,6 +47,21 @@ class Windows:
         return [(self.records[k].u[a:b], self.records[k].y[a:b]) for k, a, b in self.stretches]
 
     @property
+    def periods(self) -> list[tuple[Floats, Floats]]:
+        """Return (u, y), each (periods, samples), of every multisine of the commonest period, its lead left out."""
+        found: dict[int, list[tuple[Floats, Floats]]] = {}
+        for record in self.records:
+            counts = record.using(self.use)
+            for part in record.select("multisine", self.use):
+                period, lead = part.period, part.lead_periods  # type: ignore[attr-defined]
+                start, stop = (part.start or 0) + lead * period, part.stop or 0
+                whole = slice(start, start + (stop - start) // period * period)
+                if whole.stop - start >= 2 * period and counts[whole].all():
+                    pair = (record.u[whole].reshape(-1, period), record.y[whole].reshape(-1, period))
+                    found.setdefault(period, []).append(pair)
+        return max(found.values(), key=len, default=[])
+
+    @property
     def longest(self) -> int:
         """Return the length of the longest stretch."""
         return self.stretches[0][2] - self.stretches[0][1]

@@ -18,7 +18,7 @@ from whid.methods._windows import Windows
 from whid.record import Record
 from whid.stages._cascade import Cascade, Filter
 from whid.stages.allocation import Allocation, Split, allocation
-from whid.stages.best_linear import SHORT, BestLinear, Complexes, best_linear, local_polynomial
+from whid.stages.best_linear import SHORT, BestLinear, Complexes, best_linear, local_polynomial, realisations
 from whid.stages.between_samples import between_samples
 from whid.stages.cascade_fit import Window, bic, by_bend, cascade_fit, curve_through, evenly, reached, rms_error
 from whid.stages.descent import Step, descent
@@ -30,6 +30,7 @@ FEW, SOME = 10_000, 20_000  # samples of the first and of the second descent
 KNOTS = (8, 12, 20, 30)  # tried in turn while BIC falls
 FINALISTS = 2  # splits that are refined with more knots
 FASTEST = 8  # times the record's rate, at most
+REALISATIONS = 4  # multisines with phases of their own, from which on their scatter tells the distortion
 WORTH = 0.995  # of the error that a doubled rate may leave at most
 TOTALS = range(1, 9)  # poles of the linear approximation that are tried
 
@@ -91,7 +92,9 @@ class Parametric(Method):
             cascade = by_bend(cascade, reached(every, cascade), knots)
         cascade = way.down(every, cascade)
         yield descent(way.steps)
-        found = from_cascade(cascade, way.estimate, factor, data.dt, ())
+        low, high = reached(every, cascade)
+        beyond = f"the curve below {low:.4g} and above {high:.4g}: no sample went there, it goes on straight"
+        found = from_cascade(cascade, way.estimate, factor, data.dt, (beyond,))
         if self.interference == "auto" and len(every) == 1:  # a phase does not carry over from record to record
             tones = interference(every[0].y - cascade.response(every[0].u)[::factor], every[0].use, data.dt, every[0].t0)
             yield tones
@@ -105,7 +108,9 @@ class Parametric(Method):
         """
         rng = np.random.default_rng(self.seed)
         totals = TOTALS if self.orders is None else [sum(self.orders)]
-        bla = best_linear(data.signals, data.dt)
+        periods = data.periods
+        many = len(periods) >= REALISATIONS
+        bla = realisations(periods, data.dt) if many else best_linear(data.signals, data.dt)
         fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
         if not fits and data.samples < SHORT:
             bla = local_polynomial(*data.signals[0], data.dt)

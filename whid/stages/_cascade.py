@@ -39,9 +39,10 @@ class Filter(NamedTuple):
 
     @classmethod
     def of_roots(cls, zeros: NDArray[Any], poles: NDArray[Any]) -> Filter:
-        """Return the filter of zeros and poles (z), each set closed under conjugation."""
+        """Return the filter of zeros and poles (z), each set closed under conjugation; infinite without static gain."""
         num, den = (from_delta(np.real(np.atleast_1d(np.poly(roots)))) for roots in (zeros, poles))
-        return cls(num[1:] / num[0], den[1:] / den[0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return cls(num[1:] / num[0], den[1:] / den[0])
 
     @property
     def num_z(self) -> Floats:

@@ -65,8 +65,9 @@ def allocation(
     found: list[tuple[int, int, Split]] = []
     for zeros, poles in roots:
         for (front_z, front_p), (back_z, back_p) in _shared(zeros, poles, orders):
-            split = _scored(u, y, use, Filter.of_roots(front_z, front_p), Filter.of_roots(back_z, back_p), hinges)
-            found.append((len(front_p), len(front_z), split))
+            front, back = Filter.of_roots(front_z, front_p), Filter.of_roots(back_z, back_p)
+            if np.all(np.isfinite(np.concatenate([*front, *back]))):  # a zero at frequency zero leaves no static gain
+                found.append((len(front_p), len(front_z), _scored(u, y, use, front, back, hinges)))
     if not found:
         asked = "so many" if orders is None else f"{orders[0]} in front and {orders[1]} behind"
         raise WhidError("stage-no-split", f"the poles cannot be shared: {asked}")

@@ -22,8 +22,8 @@ OVERLAP = 1 + 2 / 36  # variance of an average of half-overlapping Hann windows,
 class BestLinear(NamedTuple):
     """Frequency response with standard error (noise and nonlinear distortion together), at the excited lines.
 
-    total is the standard deviation a single realisation of one window would have; noise the part of it that changes from
-    period to period (only periodic records tell it, NaN otherwise), distortion the rest.
+    noise is the part of std that changes from period to period (only several realisations of a multisine tell it, NaN
+    otherwise); the rest is nonlinear distortion.
     """
 
     omega: Annotated[Floats, Quantity("rad/s", ("omega",))]
@@ -43,7 +43,8 @@ class BestLinear(NamedTuple):
             float(f"{std:.3g}"), float(f"{np.median(self.coherence):.4g}"),
         )  # fmt: skip
         columns = ("lines", "from Hz", "to Hz", "averages", "largest gain", "median std", "median coherence")
-        return Table("Best linear approximation", columns, (row,))
+        told = f"of the median std {np.median(self.noise):.3g} is noise, the rest nonlinear distortion"
+        return Table("Best linear approximation", columns, (row,), (told,) if np.isfinite(self.noise).all() else ())
 
 
 def best_linear(
@@ -120,6 +121,34 @@ def local_polynomial(u: Floats, y: Floats, dt: float, faintest: float = 1e-3) ->
     return BestLinear(
         omega, np.array(response), np.maximum(std, floor), np.full(len(lines), np.nan), np.array(share), 1, dt
     )  # fmt: skip
+
+
+def realisations(periods: Sequence[tuple[Floats, Floats]], dt: float, faintest: float = 1e-3) -> BestLinear:
+    """Return the response by the robust method: noise from the scatter of periods, distortion from that of realisations.
+
+    G_r = mean over periods Y/U; G = mean G_r, std² = var(G_r)/R of either part; noise² the share of it that the scatter from
+    period to period explains, the rest is nonlinear distortion. Excited lines only.
+
+    periods: (u, y) of each realisation, (P, N) each, settled, one N. Source [Pintelon and Schoukens 2012], section 4.3.1.
+    """
+    spectra = [(np.fft.rfft(u.mean(axis=0)), np.fft.rfft(y, axis=1)) for u, y in periods]
+    strength = np.mean([np.abs(u) ** 2 for u, _ in spectra], axis=0)
+    keep = strength > faintest * strength[1:].max()
+    keep[0] = False
+    each = np.array([y.mean(axis=0)[keep] / u[keep] for u, y in spectra])
+    jitter = np.array([np.var(y[:, keep], axis=0, ddof=1) / len(y) / np.abs(u[keep]) ** 2 for u, y in spectra])
+    count, response = len(each), each.mean(axis=0)
+    scatter = np.mean(np.abs(each - response) ** 2, axis=0) * count / (count - 1)
+    std, noise = np.sqrt(scatter / (2 * count)), np.sqrt(jitter.mean(axis=0) / (2 * count))
+    omega = 2 * np.pi * np.flatnonzero(keep) / (periods[0][0].shape[1] * dt)
+    explained = np.abs(response) ** 2 / (np.abs(response) ** 2 + scatter)
+    return BestLinear(omega, response, _smooth(std), noise, explained, count, dt)
+
+
+def _smooth(std: Floats) -> Floats:
+    """Average variances over neighbouring lines: those of a few realisations scatter too much to weigh with."""
+    kernel = np.ones(min(9, len(std) | 1))
+    return np.asarray(np.sqrt(np.convolve(std**2, kernel, "same") / np.convolve(np.ones(len(std)), kernel, "same")))
 
 
 def _count(stretches: Sequence[tuple[Floats, Floats]], window: int) -> int:
