@@ -45,9 +45,7 @@ def test_an_iteration_with_30_numbers_on_100_000_samples():
         seconds.append(time.process_time() - began)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     typical = np.median(seconds)
-    print(
-        f"\n{len(problem.parameters)} numbers, 100 000 samples: {typical:.2f} s an iteration (bar .3), {memory:.2f} GB (bar 1)"
-    )
+    print(f"\n{len(problem.parameters)} numbers, 100 000 samples: {typical:.2f} s a step (bar .3), {memory:.2f} GB (bar 1)")
     assert len(problem.parameters) == 30
     assert typical < 0.6  # the bar is .3 s on a free core: twice that on one that is shared
     assert memory < 1.0
