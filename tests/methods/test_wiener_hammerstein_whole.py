@@ -177,3 +177,13 @@ def test_report_samples_stay_closed():
     assert results[0].tolist() == results[1].tolist()
     assert isinstance(TRUE.tree, Chain)
     assert len(PLAN.plan()) == len(data.parts)
+
+
+def test_a_fit_that_fails_leaves_the_staged_model(monkeypatch):
+    def failing(*_):
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr("whid.methods.wiener_hammerstein.whole_record", failing)
+    *_, model = WienerHammerstein()([record(FIRST_SEED)])
+    assert model.system == staged(FIRST_SEED).system
+    assert any("whole-record fit failed: singular" in text for text in model.missing)

@@ -152,7 +152,11 @@ class WienerHammerstein(Method):
         if not (wanted and split):
             yield staged._replace(missing=staged.missing + assumed)
             return
-        found, model = whole_record(records, staged, self.degree)
+        try:
+            found, model = whole_record(records, staged, self.degree)
+        except (WhidError, ValueError, np.linalg.LinAlgError) as fault:  # the stages before it still stand
+            yield staged._replace(missing=(*staged.missing, *assumed, f"the whole-record fit failed: {fault}"))
+            return
         yield found
         yield model._replace(missing=model.missing + found.gauge)
         if found.estimate.why_stop == "interrupted":
