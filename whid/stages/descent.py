@@ -48,5 +48,5 @@ class Step(NamedTuple):
 
 def descent(steps: list[Step]) -> Descent:
     """Return the steps as columns."""
-    columns = [np.array(column) for column in zip(*(step[:-1] for step in steps), strict=True)]
-    return Descent(*columns, why_stop=tuple(step.why_stop for step in steps))
+    samples, rate, knots, rms, iterations, seconds = (np.array(c) for c in zip(*(step[:-1] for step in steps), strict=True))
+    return Descent(samples, rate, knots, rms, iterations, seconds, tuple(step.why_stop for step in steps))

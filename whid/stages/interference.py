@@ -62,7 +62,7 @@ def interference(residual: Floats, use: NDArray[np.bool_], dt: float, t0: float 
     line = _strongest(e)
     if line is None:
         return nothing
-    time = t0 + dt * np.flatnonzero(use)
+    time: Floats = np.asarray(t0 + dt * np.flatnonzero(use), np.float64)
     omega = _refined(residual[use], time, 2 * np.pi * line / (len(e) * dt), 2 * np.pi / (len(e) * dt))
     candidates = [h for h in range(1, HIGHEST + 1) if h * omega * dt < np.pi]
     a = _amplitudes(residual[use], omega, time, candidates)

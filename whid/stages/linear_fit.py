@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +92,7 @@ def matched(response: Complexes, omega_dt: Floats, zeros: int, poles: int) -> Fi
     stable = Filter.of_roots(np.empty(0, complex), inside)
     den = np.polyval(stable.den_z[::-1], 1 - delta)
     design = np.vander(delta, zeros + 1, increasing=True)[:, 1:] / den[:, None]
-    num = np.linalg.lstsq(_stacked(design), _stacked(response - 1 / den), rcond=None)[0]
+    num = _solved(design, response - 1 / den)
     return Filter(np.asarray(num), stable.den)
 
 
@@ -109,7 +109,7 @@ def _numerator(bla: BestLinear, poles: Complexes, zeros: int) -> Complexes:
     backward = np.exp(-1j * bla.omega * bla.dt)
     den = np.polyval(np.real(np.poly(poles))[::-1], backward)
     design = np.vander(1 - backward, zeros + 1, increasing=True) / (den * bla.std)[:, None]
-    num = np.linalg.lstsq(_stacked(design), _stacked(bla.response / bla.std), rcond=None)[0]
+    num = _solved(design, bla.response / bla.std)
     return np.asarray(np.roots(from_delta(num)), complex)
 
 
@@ -128,7 +128,7 @@ def _sanathanan(delta: Complexes, response: Complexes, std: Floats, m: int, n: i
     for _ in range(30):
         weight = 1 / (std * np.abs(den))
         design = np.hstack([power[:, first : m + 1], -response[:, None] * power[:, 1 : n + 1]]) * weight[:, None]
-        values = np.linalg.lstsq(_stacked(design), _stacked((response - first) * weight), rcond=None)[0]
+        values = _solved(design, (response - first) * weight)
         den = power[:, : n + 1] @ np.append(1.0, values[m + 1 - first :])
     return np.asarray(values)
 
@@ -163,5 +163,10 @@ def _stable(den: Floats) -> bool:
     return bool(np.all(np.abs(np.roots(from_delta(np.append(1.0, den)))) < 1))
 
 
-def _stacked(values: NDArray[np.complex128]) -> Floats:
+def _stacked(values: NDArray[Any]) -> Floats:
     return np.concatenate([values.real, values.imag])
+
+
+def _solved(design: NDArray[Any], target: NDArray[Any]) -> Floats:
+    """Return the real numbers that take complex columns nearest to a complex target."""
+    return np.asarray(np.linalg.lstsq(_stacked(design), _stacked(target), rcond=None)[0], np.float64)
