@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.errors import WhidError
+from whid.fit import linear_least_squares
 from whid.quantity import Quantity, Table
 from whid.signal import Floats
 from whid.stages._cascade import Filter, filtered
@@ -119,7 +120,7 @@ def _scored(u: Floats, y: Floats, use: NDArray[np.bool_], front: Filter, back: F
     points = np.linspace(v.min(), v.max(), hinges + 2)
     basis = np.vstack([np.ones(len(v)), v, *(np.maximum(v - point, 0.0) for point in points[1:-1])])
     design = filtered(back.num_z, back.den_z, basis).T[use]
-    weights = np.linalg.lstsq(design, y[use], rcond=None)[0]
+    weights = linear_least_squares(design, y[use]).values
     error = y[use] - design @ weights
     heights = weights[0] + weights[1] * points + np.maximum(points[:, None] - points[1:-1], 0.0) @ weights[2:]
     return Split(front, back, points, heights, float(np.sqrt(np.mean(error**2))))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.errors import WhidError
-from whid.fit import Estimate, Parameter, least_squares
+from whid.fit import Estimate, Parameter, least_squares, linear_least_squares
 from whid.quantity import Quantity, Table
 from whid.signal import Floats
 from whid.stages._cascade import Filter, from_delta
@@ -169,4 +169,4 @@ def _stacked(values: NDArray[Any]) -> Floats:
 
 def _solved(design: NDArray[Any], target: NDArray[Any]) -> Floats:
     """Return the real numbers that take complex columns nearest to a complex target."""
-    return np.asarray(np.linalg.lstsq(_stacked(design), _stacked(target), rcond=None)[0], np.float64)
+    return linear_least_squares(_stacked(design), _stacked(target)).values
