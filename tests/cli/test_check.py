@@ -10,7 +10,7 @@ def test_an_overview_of_the_starter(whid):
     found = whid("check", CONFIGS / "starter.yaml")
     assert found.exit_code == 0, found.stderr
     assert "u → linear(num [1], den [16, 10, 1]) → piecewise(" in found.stdout
-    assert "14670 samples of 0.5 s" in found.stdout
+    assert "7335 samples of 1 s" in found.stdout
     assert "wiener_hammerstein" in found.stdout
     assert "memory" in found.stdout
 
