@@ -199,7 +199,7 @@ def test_a_bound_holds_strictly_and_never_for_nan():
 
 
 def test_a_study_beyond_the_memory_is_refused_before_it_starts(tmp_path):
-    with pytest.raises(WhidError, match="GB") as fault:
+    with pytest.raises(WhidError, match="needs about 200 MB, 1 MB are allowed") as fault:
         flow.run(small_study(), tmp_path / "runs", max_memory=1e6)
     assert fault.value.code == "memory"
     assert not (tmp_path / "runs").exists()

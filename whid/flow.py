@@ -19,7 +19,7 @@ import numpy as np
 
 from whid import plots, score, summary
 from whid.config.load import as_system, load_study, resolved
-from whid.config.memory import memory
+from whid.config.memory import allow
 from whid.config.study import Published, Study
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
@@ -61,7 +61,7 @@ def run(
     """
     study = config if isinstance(config, Study) else load_study(config, overrides)
     base = base or (Path(config).parent if isinstance(config, (str, Path)) else Path())
-    _refuse_beyond(max_memory, memory(study, base))
+    allow(study, max_memory, base)
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
     stem = run_folder.stem(study.name, origin["hash"])
     if not force and (done := run_folder.finished(Path(out), stem)):
@@ -239,11 +239,6 @@ def _tables(result: Result) -> tuple[Table, ...]:
         return summary.tables(result)
     except Exception as fault:
         return (Table("Summary", (), (), (f"not made: {type(fault).__name__}: {fault}",)),)
-
-
-def _refuse_beyond(allowed: float, needed: float) -> None:
-    if needed > allowed:
-        raise WhidError("memory", f"this study needs about {needed / 1e9:.2g} GB, {allowed / 1e9:.2g} GB are allowed")
 
 
 def _open(record: Record) -> Record:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, MinLen
 
@@ -22,7 +22,6 @@ Role = Literal["time", "input", "output"]
 class Columns:
     """The columns of a file by name or 0-based number; those not given are guessed from the file's names."""
 
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
     time: Column | None = None
     input: Column | None = None
     output: Column | None = None
@@ -45,7 +44,6 @@ class DataSource:
     delimiter, decimal, header_lines   of a text file; found from the file unless given
     """
 
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid", "allow_inf_nan": False}
     file: Annotated[str, MinLen(1)]
     columns: Columns = Columns()
     dt: Annotated[float, Gt(0)] | None = None

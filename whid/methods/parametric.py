@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge
@@ -39,7 +39,6 @@ TOTALS = range(1, 9)  # poles of the linear approximation that are tried
 class Nonlinearity:
     """The static curve: `spline` (smooth) or `hinges` (straight lines between free knots); knots left out: by BIC."""
 
-    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
     kind: Literal["spline", "hinges"] = "spline"
     knots: Annotated[int, Ge(3)] | None = None
 
