@@ -7,8 +7,6 @@ import pytest
 import scipy.optimize
 from scipy.signal import lfilter
 
-from whid._refine_free import FreeNumbers
-from whid._refine_problem import Problem, data_of
 from whid.blocks.chain import Chain
 from whid.blocks.dead_zone import DeadZone
 from whid.blocks.delay import Delay
@@ -22,6 +20,8 @@ from whid.fit import Estimate
 from whid.predict import predict
 from whid.record import Record
 from whid.refine import band, bound, gains, multistart, profile, refine
+from whid.refine._free import FreeNumbers
+from whid.refine._problem import Problem, data_of
 from whid.system import System
 
 HARD = System(

@@ -9,14 +9,14 @@ import numpy as np
 import scipy.optimize
 from scipy.signal import butter, lfilter
 
-from whid._refine_free import FreeNumbers
-from whid._refine_problem import Problem, data_of
 from whid.blocks.linear import Linear
 from whid.blocks.polynomial import Polynomial
 from whid.blocks.table import Table
 from whid.predict import predict
 from whid.record import Record
 from whid.refine import refine
+from whid.refine._free import FreeNumbers
+from whid.refine._problem import Problem, data_of
 from whid.system import System
 
 DT = 0.1

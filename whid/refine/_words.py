@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from whid._refine_free import walk
 from whid.blocks._block import Block
 from whid.blocks._static import Static
 from whid.blocks.linear import Linear
 from whid.fit import Triangle
+from whid.refine._free import walk
 from whid.signal import Floats
 
 DEPENDENT = 1e-7  # what is left of a unit column that the columns before it explain: tangents are good to 1e-10

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from whid._refine_free import FreeNumbers, walk
 from whid.blocks._block import STEADY, Block, State
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.fit import Parameter, Triangle
 from whid.predict import chunks, input_signal
 from whid.record import Record
+from whid.refine._free import FreeNumbers, walk
 from whid.signal import Floats, Signal, joined
 from whid.stages._whiten import whitened
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from whid._refine_problem import Data, memory
 from whid.blocks._block import Block
 from whid.experiments._part import Part
 from whid.record import Record
+from whid.refine._problem import Data, memory
 
 SETTLED = 36.0  # time constants: e⁻³⁶ is rounding
 

@@ -1,0 +1,55 @@
+"""Several fits from several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from whid.errors import WhidError
+from whid.quantity import Quantity, Table
+from whid.record import Record
+from whid.refine._fit import refine
+from whid.refine._result import Refined
+from whid.signal import Floats
+from whid.system import System
+
+
+class Starts(NamedTuple):
+    """Several fits from several starts: the best, and where the others ended."""
+
+    best: Refined
+    cost: Annotated[Floats, Quantity("1", ("start",))]  # Σ samples·log σ² of each, the best 0
+    agreeing: int  # starts that ended as low as the best, to 1 in χ²
+
+    def table(self) -> Table:
+        """Return where every start ended."""
+        rows = tuple((k + 1, float(c)) for k, c in enumerate(self.cost))
+        return Table("Starts", ("start", "−2 log L above the best"), rows, (f"{self.agreeing} of {len(rows)} agree",))
+
+
+def multistart(
+    system: System, records: Sequence[Record], starts: int, rng: np.random.Generator, spread: float = 0.3,
+    **options: object,
+) -> Starts:  # fmt: skip
+    """Fit from the given numbers and from `starts` − 1 scattered ones (each times exp(spread·normal)), keep the best.
+
+    A start that cannot be simulated counts as one that ended nowhere (infinite cost).
+    """
+    first = refine(system, records, **options)  # type: ignore[arg-type]
+    found: list[Refined | None] = [first]
+    free = [p for p in system.tree.parameters() if p.name in first.estimate.names]  # what holds a gauge stays
+    for _ in range(starts - 1):
+        moved = {p.name: float(np.clip(p.value * np.exp(spread * rng.standard_normal()), p.lower, p.upper)) for p in free}
+        try:
+            tree = system.tree.with_parameters(moved)
+            found.append(refine(replace(system, chain=tree.chain), records, **options))  # type: ignore[arg-type]
+        except (WhidError, ValueError, np.linalg.LinAlgError):
+            found.append(None)
+    cost = np.array([np.inf if f is None else float(f.samples @ np.log(np.maximum(f.noise_std, 1e-300)) * 2) for f in found])
+    best = found[int(np.nanargmin(cost))]
+    assert best is not None
+    cost -= np.nanmin(cost)
+    return Starts(best, cost, int(np.sum(cost < 1.0)))
