@@ -41,7 +41,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
     ),
     "constant": (Constant(level=-3.2),),
     "coulomb": (Coulomb(force=0.7, offset=-0.1),),
-    "dead_zone": (DeadZone(low=-0.3, high=0.55, slope=1.7),),
+    "dead_zone": (DeadZone(low=-0.3, high=0.55, slope=1.7), DeadZone(low=-0.3, high=0.55, slope=1.7, knee=0.4)),
     "delay": (Delay(seconds=0.47), Delay(seconds=0.05), Delay(seconds=12.1)),
     "feedback": (
         Feedback(forward=LAG, back=Polynomial(coefficients=(0.0, 0.3, 0.05))),
@@ -76,12 +76,19 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Parallel(parallel=(Viscous(coefficient=2.0), Coulomb(force=0.5), Constant(level=-0.3))),
         Parallel(parallel=(LAG, Chain(chain=(RESONANT, Saturation(low=-0.4, high=0.4))), Delay(seconds=0.33))),
     ),
-    "piecewise": (Piecewise(breaks=(-0.6, 0.2, 0.9), pieces=((-1.0,), (0.5, 1.0), (0.0, 0.0, 2.0), (1.0, -0.5))),),
+    "piecewise": (
+        Piecewise(breaks=(-0.6, 0.2, 0.9), pieces=((-1.0,), (0.5, 1.0), (0.0, 0.0, 2.0), (1.0, -0.5))),
+        Piecewise(breaks=(-0.6, 0.2), pieces=((-0.1,), (0.5, 1.0), (0.68, 0.0, 0.5, 0.1)), knee=0.3),
+    ),
     "polynomial": (Polynomial(coefficients=(0.2, 1.0, -0.3, 0.1)), Polynomial(coefficients=(2.0,))),
     "preload": (Preload(offset=0.4, slope=0.8),),
     "quantizer": (Quantizer(step_=0.37), Quantizer(step_=0.05, mode="floor")),
     "relay": (Relay(low=-0.4, high=0.3, off=-1.0, on=2.0), Relay(low=0.09, high=0.1)),
-    "saturation": (Saturation(low=-0.5, high=0.8, slope=1.3),),
+    "saturation": (
+        Saturation(low=-0.5, high=0.8, slope=1.3),
+        Saturation(low=-0.5, high=0.8, slope=1.3, knee=0.5),
+        Saturation(low=-0.1, high=0.2, slope=1.3, knee=0.5),  # the knees overlap
+    ),
     "spline": (
         Spline(inputs=(-0.9, -0.2, 0.3, 1.1), outputs=(-1.0, 0.1, 0.2, 0.9)),
         Spline(inputs=(-0.5, 0.6), outputs=(0.1, 1.0)),
@@ -89,6 +96,8 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
     "table": (
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9)),
         Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9), beyond="hold"),
+        Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9), knee=0.35),
+        Table(inputs=(-1.0, -0.2, 0.4, 1.1), outputs=(-2.0, 0.0, 0.1, 0.9), beyond="hold", knee=0.35),
     ),
     "tone": (Tone(omega=2.3, cos=(0.2, 0.05), sin=(-0.1, 0.02), harmonics=(1, 3)),),
     "viscous": (Viscous(coefficient=1.3), Viscous(coefficient=1.3, negative=0.6)),

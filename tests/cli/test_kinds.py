@@ -23,7 +23,10 @@ def test_a_kind_with_its_equation_and_its_keys(whid):
     assert "w = slope·(v − high) for v > high" in found.stdout
     assert ">>>" not in found.stdout
     rows = json.loads(whid("kinds", "dead_zone", "--json").stdout)[0]["rows"]
-    assert rows[-1] == {"key": "slope", "value": "number", "default": "1.0"}
+    assert rows[-2:] == [
+        {"key": "slope", "value": "number", "default": "1.0"},
+        {"key": "knee", "value": "number", "default": ""},
+    ]
     assert {"key": "low", "value": "number", "default": "required"} in rows
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -9,6 +10,7 @@ import numpy as np
 from annotated_types import MinLen
 
 from whid.blocks._block import Free
+from whid.blocks._knee import Knee, bump, checked, edge_rates, edges, lean, wider
 from whid.blocks._static import Static
 from whid.errors import WhidError
 from whid.signal import Floats, Ints
@@ -26,7 +28,8 @@ class Table(Static):
        ●──╯
 
     Beyond the ends the last line goes on (`beyond: extrapolate`) or the last point is held (`hold`). inputs ascending,
-    at least two. Raises `WhidError("block-parameters")` for unequal lengths or inputs that do not ascend.
+    at least two. knee: every corner is rounded by a parabola that wide (input units), left out: sharp. Raises
+    `WhidError("block-parameters")` for unequal lengths, inputs that do not ascend or knee < 0.
 
     >>> Table(inputs=(0.0, 1.0, 3.0), outputs=(0.0, 2.0, 3.0), beyond="hold")([0.5, 2.0, 9.0], dt=1.0)
     array([1. , 2.5, 3. ])
@@ -35,6 +38,7 @@ class Table(Static):
     inputs: Annotated[tuple[Annotated[float, Free("input")], ...], MinLen(2)]
     outputs: Annotated[tuple[Annotated[float, Free("output")], ...], MinLen(2)]
     beyond: Literal["extrapolate", "hold"] = "extrapolate"
+    knee: Knee = None
 
     def __post_init__(self) -> None:
         if len(self.inputs) != len(self.outputs) or len(self.inputs) < 2:
@@ -44,34 +48,61 @@ class Table(Static):
             )
         if any(b >= a for b, a in zip(self.inputs, self.inputs[1:], strict=False)):
             raise WhidError("block-parameters", f"table inputs must ascend: {list(self.inputs)}")
+        checked(self.knee)
 
     def value(self, v: Floats) -> Floats:
         """Return the interpolated output."""
         k, x = self._cell(v)
-        return np.asarray(np.take(self.outputs, k) + np.take(self._slopes(), k) * (x - np.take(self.inputs, k)))
+        line = np.take(self.outputs, k) + np.take(self._slopes(), k) * (x - np.take(self.inputs, k))
+        return self._rounded(np.asarray(line), v, self._bends(), bump)
 
     def derivative(self, v: Floats) -> Floats:
         """Return the slope of the line that v lies on."""
         k, x = self._cell(v)
-        return np.where(x == v, np.take(self._slopes(), k), 0.0)
+        return self._rounded(np.where(x == v, np.take(self._slopes(), k), 0.0), v, self._bends(), lean)
 
     def sensitivity(self, v: Floats, name: str) -> Floats:
         """Return the hat function of the point; moving it sideways is moving it down the lines beside it."""
         head, _, place = name.partition(".")
+        if head == "knee":
+            return self._rounded(np.zeros_like(v), v, self._bends(), wider)
         k, x = self._cell(v)
         hat = np.eye(len(self.inputs))[int(place)]
         share = (x - np.take(self.inputs, k)) / np.take(np.diff(self.inputs), k)
         height = np.take(hat, k) * (1 - share) + np.take(hat, k + 1) * share
-        return np.asarray(height if head == "outputs" else np.where(x == v, -np.take(self._slopes(), k) * height, 0.0))
+        if head == "outputs":
+            return self._rounded(height, v, self._change(np.diff(hat) / np.diff(self.inputs)), bump)
+        moved = np.where(x == v, -np.take(self._slopes(), k) * height, 0.0)
+        turned = self._change(-self._slopes() * np.diff(hat) / np.diff(self.inputs))
+        return self._rounded(self._rounded(moved, v, turned, bump), v, -hat * self._bends(), lean)
 
     def breakpoints(self) -> Floats:
+        """Return the points where the slope changes, or where their knees begin and end."""
+        return edges(self._corners(), self.knee)
+
+    def break_rates(self, name: str) -> Floats:
+        """Return how the breakpoints move."""
+        rates = np.array([name == f"inputs.{k}" for k in range(len(self.inputs))], float)
+        rates = rates if self.beyond == "hold" else rates[1:-1]
+        return edge_rates(self._corners(), rates, self.knee, widening=name == "knee")
+
+    def _corners(self) -> Floats:
         """Return the points where the slope changes: the ends only where the output is held beyond them."""
         return np.array(self.inputs if self.beyond == "hold" else self.inputs[1:-1], float)
 
-    def break_rates(self, name: str) -> Floats:
-        """Return 1 for the point itself."""
-        rates = np.array([name == f"inputs.{k}" for k in range(len(self.inputs))], float)
-        return rates if self.beyond == "hold" else rates[1:-1]
+    def _bends(self) -> Floats:
+        return self._change(self._slopes())
+
+    def _change(self, slopes: Floats) -> Floats:
+        """Return the change of slope at every point, 0 at the ends where the lines go on."""
+        ends = (0.0, 0.0) if self.beyond == "hold" else (slopes[0], slopes[-1])
+        return np.diff(np.concatenate([ends[:1], slopes, ends[1:]]))
+
+    def _rounded(self, sharp: Floats, v: Floats, bends: Floats, shape: Callable[[Floats, float | None], Floats]) -> Floats:
+        for at, bend in zip(self.inputs, bends, strict=True) if self.knee else ():
+            if bend:
+                sharp = sharp + bend * shape(v - at, self.knee)
+        return sharp
 
     def _slopes(self) -> Floats:
         return np.asarray(np.diff(self.outputs) / np.diff(self.inputs), np.float64)
