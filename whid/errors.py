@@ -62,6 +62,11 @@ CATALOGUE: dict[str, Explanation] = {
         CONFIG,
     ),
     "config-kind": Explanation("A `kind:` names nothing that whid knows.", "List what there is with `whid kinds`.", CONFIG),
+    "trace-effect": Explanation(
+        "`trace:` names an effect at a place where it cannot be.",
+        "Write a kind (`saturation`) or a kind at a place (`saturation@output`); `whid kinds effects` lists them.",
+        CONFIG,
+    ),
     "block-parameters": Explanation(
         "A block's numbers contradict each other or do not describe a block.",
         "Read the block's line in `whid kinds` and its equation in its docstring.",

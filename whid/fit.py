@@ -17,7 +17,7 @@ from whid.quantity import Quantity
 Floats = NDArray[np.float64]
 RANK = 1e-10  # of the largest singular value, columns of unit length: what is below counts as zero
 IDLE = 4  # steps in a row that gain next to nothing: a cost with edges never meets its own prediction
-WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear"]
+WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear", "not fitted"]
 
 
 class Parameter(NamedTuple):

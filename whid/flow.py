@@ -1,6 +1,6 @@
 """The flow: a study's records, its method's stages, their score, and the folder that keeps them.
 
-    obtain records ─► identify (stage by stage, wanted experiments served) ─► assess ─► check bounds ─► keep
+    obtain records ─► identify (stage by stage, wanted experiments served) ─► trace ─► assess ─► check bounds ─► keep
 
 Every step is a call. A run that fails once it has its records keeps what was finished, with the reason.
 """
@@ -13,13 +13,14 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from whid import plots, score, summary
 from whid.config.load import as_system, load_study, resolved
 from whid.config.memory import allow
+from whid.config.refined import refined_study
 from whid.config.study import Published, Study
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
@@ -29,7 +30,8 @@ from whid.files.provenance import provenance
 from whid.files.result import read_result, write_result
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
-from whid.methods._method import Wanted
+from whid.methods._method import Model, Wanted
+from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
 from whid.residual import residual
@@ -37,6 +39,8 @@ from whid.result import Asked, Check, Failure, Result, snake_case
 from whid.signal import Floats
 from whid.simulate import simulate
 from whid.stages.intersample import intersample
+from whid.trace import Trace
+from whid.trace import trace as closed_loop
 
 Watch = Callable[[str, float], None]  # a finished step and its seconds
 
@@ -69,15 +73,47 @@ def run(
     with RunFolder(Path(out), stem) as folder:
         work = _Work(study, base, np.random.SeedSequence(study.seed), _Clock(folder.log, watch))
         work.obtain()
-        work.attempt(work.identify, work.assess)
-        return _kept(work.result(origin), folder, work.clock)
+        work.attempt(work.identify, work.trace, work.assess)
+        result = work.result(origin)
+        refined = (
+            refined_study(study, result.stages, base) if "verdict" in result.stages and "model" in result.stages else ""
+        )
+        return _kept(result, folder, work.clock, refined)
 
 
 def execute(study: Study, base: Path, seeds: np.random.SeedSequence) -> Result:
     """Run a study in memory: no folder, no pictures, no tables (a sweep runs thousands)."""
     work = _Work(study, base, seeds, _Clock(lambda line: None, None))
-    work.attempt(work.obtain, work.identify, work.assess)
+    work.attempt(work.obtain, work.identify, work.trace, work.assess)
     return work.result({})
+
+
+def trace(
+    config: str | Path | Mapping[str, Any] | Study,
+    out: str | Path = "runs",
+    overrides: Sequence[str] = (),
+    *,
+    base: Path | None = None,
+    force: bool = False,
+    max_memory: float = 4e9,
+    watch: Watch | None = None,
+) -> Result:
+    """Run a study and close the loop: say what its model lacks, add it, and report the error before and after.
+
+    With `model:` that tree is what is fitted and traced, `identify:` is not run; without, the method's model is. Everything
+    else as in `run`, whose arguments these are. The verdict is `result.stages["verdict"]` (`whid.trace.Verdict`),
+    `whid.trace.as_object(verdict)` the object that `whid trace --json` prints; `result.stages["model"]` the refined model,
+    and `refined.yaml` in the folder a study that runs as it is.
+    """
+    study = config if isinstance(config, Study) else load_study(config, overrides)
+    base = base or (Path(config).parent if isinstance(config, (str, Path)) else Path())
+    return run(to_trace(study), out, base=base, force=force, max_memory=max_memory, watch=watch)
+
+
+def to_trace(study: Study) -> Study:
+    """Return the study that `trace` runs: `execute(to_trace(study), base, seeds)` closes the loop in memory."""
+    method = study.identify if study.model is None else Fit(path=_path(study))
+    return replace(study, trace=study.trace or Trace(), identify=method)
 
 
 def load(path: str | Path) -> Result:
@@ -187,10 +223,20 @@ class _Work:
         self.doing = f"identify, after {name}"
         self.clock.tick(name)
 
+    def trace(self) -> None:
+        """Close the loop where the study says so: from the declared model, or from the one that was identified."""
+        if self.study.trace is None:
+            return
+        system = self.study.model or self.stages["model"].system
+        for found in closed_loop(system, self.records, self.study.trace, _path(self.study)):
+            if isinstance(found, Model):
+                self.stages["model_before"] = self.stages.pop("model")
+            self.collect(found)
+
     def assess(self) -> None:
         """Open the report parts: the residual of every record, then the score."""
         model = self.stages["model"]
-        path = "sampled" if any(experiment.path == "sampled" for experiment in self.study.experiment) else "exact"
+        path = _path(self.study)
         self.residuals = tuple(residual(model.system.tree, record, path) for record in self.records)
         self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
         for stage in self.stages.values():
@@ -213,8 +259,8 @@ class _Work:
         )  # fmt: skip
 
 
-def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
-    """Draw, tabulate and write a result; a picture that fails is a warning."""
+def _kept(result: Result, folder: RunFolder, clock: _Clock, refined: str = "") -> Result:
+    """Draw, tabulate and write a result, and the refined study's text; a picture that fails is a warning."""
     pictures, faults = plots.draw(result, folder.path)
     clock.tick("pictures")
     result = replace(result, pictures=pictures, warnings=(*result.warnings, *faults))
@@ -222,6 +268,8 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock) -> Result:
     write_result(folder.path / "result.h5", result, score.units)
     folder.write("config.yaml", result.provenance["config"])
     folder.write("summary.md", summary.page(result))
+    if refined:
+        folder.write("refined.yaml", refined)
     clock.tick("written")
     if result.error:
         folder.write("error.json", json.dumps(result.error._asdict(), indent=2))
@@ -239,6 +287,11 @@ def _tables(result: Result) -> tuple[Table, ...]:
         return summary.tables(result)
     except Exception as fault:
         return (Table("Summary", (), (), (f"not made: {type(fault).__name__}: {fault}",)),)
+
+
+def _path(study: Study) -> Literal["exact", "sampled"]:
+    """Return how the records are simulated."""
+    return "sampled" if any(experiment.path == "sampled" for experiment in study.experiment) else "exact"
 
 
 def _open(record: Record) -> Record:

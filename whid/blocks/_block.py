@@ -56,7 +56,7 @@ class Block(Kind):
     """
 
     family: ClassVar[str] = "whid.blocks"
-    fix: bool | tuple[str, ...] = False  # true: hold every number in a fit; a list: hold these fields
+    fix: bool | tuple[str, ...] = False  # true: hold every number in a fit; a list: these fields (den) or numbers (den.1)
 
     @abstractmethod
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
@@ -94,7 +94,7 @@ class Block(Kind):
         """
         found = []
         for name, value, free in self._free_fields():
-            if held or not (self.fix is True or (self.fix and name.partition(".")[0] in self.fix)):
+            if held or not (self.fix is True or (self.fix and {name, name.partition(".")[0]} & set(self.fix))):
                 found.append(Parameter(name, value, free.units, free.lower, free.upper))
         for path, block in self.named_children():
             if held or self.fix is not True:

@@ -1,4 +1,4 @@
-"""List every block, disturbance, experiment part, column operation and method."""
+"""List every block, disturbance, experiment part, column operation, method and effect."""
 
 from __future__ import annotations
 
@@ -40,11 +40,12 @@ def command(name: str | None, as_json: bool) -> None:
 def _families() -> tuple[type[Kind], ...]:
     from whid.blocks._block import Block
     from whid.disturbances._disturbance import Disturbance
+    from whid.effects._effect import Effect
     from whid.experiments._part import Part
     from whid.methods._method import Method
     from whid.operations._operation import Operation
 
-    return Block, Disturbance, Part, Operation, Method
+    return Block, Disturbance, Part, Operation, Method, Effect
 
 
 def _family(base: type[Kind]) -> str:

@@ -12,6 +12,7 @@ from whid.experiments._experiment import Experiment
 from whid.files.source import DataSource
 from whid.methods._method import Method
 from whid.system import System
+from whid.trace import Trace
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class Study:
     model      what we believe: its structure counts, its numbers are start values
     identify   the method
     expect     bounds on metrics; a breach ends the run with exit code 4
+    trace      which effects compete when the run is to say what the model lacks; left out: the loop is not closed
     sweep      what `whid sweep` varies
     published  a table from the literature, printed beside ours
     """
@@ -98,6 +100,7 @@ class Study:
     records: tuple[DataSource, ...] = ()
     model: System | None = None
     identify: Method
+    trace: Trace | None = None
     expect: tuple[Bound, ...] = ()
     sweep: Sweep | None = None
     published: Published | None = None

@@ -26,6 +26,7 @@ class Fit(Method):
     robust   Huber's loss
     tied     groups of numbers with one common value, by path: [[chain.0.den.0, chain.2.den.0]]
     starts   fits from scattered starts, the given one included; the best is kept (drawn with `seed`)
+    steps    iterations at most; 0: the numbers stay as they are given, their errors are told
     path     exact between samples, or sampled
     """
 
@@ -33,6 +34,7 @@ class Fit(Method):
     robust: bool = False
     tied: tuple[tuple[str, ...], ...] = ()
     starts: Annotated[int, Ge(1)] = 1
+    steps: Annotated[int, Ge(0)] = 60
     seed: Annotated[int, Ge(0)] = 0
     path: Literal["exact", "sampled"] = "exact"
 
@@ -46,6 +48,7 @@ class Fit(Method):
             "tied": self.tied,
             "path": self.path,
             "watch": self.told,
+            "max_iterations": self.steps,
         }
         if self.starts > 1:
             several = multistart(model, records, self.starts, np.random.default_rng(self.seed), **options)
@@ -53,6 +56,8 @@ class Fit(Method):
             found = several.best
         else:
             found = refine(model, records, **options)
+            if not self.steps:
+                found = found._replace(estimate=found.estimate._replace(why_stop="not fitted"))
             yield found
         yield Model(found.system, found.estimate, "none", found.gauge)
         if found.estimate.why_stop == "interrupted":

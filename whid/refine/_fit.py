@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +33,7 @@ def refine(
     fixed: Sequence[str] = (),
     tied: Sequence[Sequence[str]] = (),
     std: Sequence[float] | None = None,
+    ar: Sequence[Sequence[float]] | None = None,
     periodic: bool = False,
     watch: Watch | None = None,
     max_iterations: int = 60,
@@ -41,7 +43,8 @@ def refine(
     min Σ_records Σ_samples (y − ŷ(θ))²/σ², ŷ simulated from the record's initial state. `fix:` in the tree holds numbers; so
     does `fixed`, names or their beginnings (`chain.0`). `tied` are groups of names with one common value. Pieces that meet
     at a break (a kink) keep meeting. Directions without effect are held and said in words. Every record has a noise of its
-    own: σ from its residual (or `std`, known), coloured with `noise="ar"`: residual and tangents are prewhitened.
+    own: σ from its residual (or `std`, known, and its colour `ar`), coloured with `noise="ar"`: residual and tangents are
+    prewhitened.
     `robust`: Huber's loss. `periodic`: the settled periods of periodic parts are averaged first (white noise only; their
     lead periods are left out): the same answer, far cheaper. `initial: free`: the levels of an unknown past are nuisance
     numbers.
@@ -58,6 +61,9 @@ def refine(
      'numerator and denominator of chain.0 (linear) have a common factor: chain.0.den.1 is held')
     """
     data = data_of(records, system.tree, std)
+    if ar is not None:
+        colours = {record.name: np.asarray(a, float) for record, a in zip(records, ar, strict=True)}
+        data = tuple(replace(d, ar=colours[d.record.name]) for d in data)
     if periodic and noise == "white" and not robust:
         data = tuple(part for d in data for part in averaged(d, system.tree))
     problem, gauge = gauged(FreeNumbers(system.tree, tuple(fixed), tuple(map(tuple, tied))), data, path)

@@ -1,0 +1,179 @@
+"""What an effect sees: a fitted model, what it leaves over on the estimation data, and what its own numbers could absorb."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whid.blocks._block import STEADY, Block
+from whid.blocks.chain import Chain
+from whid.errors import WhidError
+from whid.predict import chunks, input_signal
+from whid.record import Record
+from whid.signal import Floats, Signal
+from whid.stages._whiten import whitened
+from whid.system import System
+
+Bools = NDArray[np.bool_]
+RANK = 1e-8  # of the largest singular value of the sensitivities, columns of unit length
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is known of one record's noise: σ of its innovation, and its colour e(t) = Σ aₖ e(t − k) + innovation."""
+
+    std: float = 1.0
+    ar: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A model before a set of records.
+
+    records  as the fit sees them: selection and report samples hidden
+    noises   one a record; every comparison is made on whitened rows over σ
+    path     exact between samples, or sampled
+    """
+
+    system: System
+    records: tuple[Record, ...]
+    noises: tuple[Noise, ...]
+    path: str = "exact"
+    _signals: dict[int, tuple[Floats, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def use(self) -> tuple[Bools, ...]:
+        """Return where the samples of every record count."""
+        return tuple(r.using("estimation") & np.isfinite(r.y) for r in self.records)
+
+    @cached_property
+    def samples(self) -> int:
+        """Return how many samples count."""
+        return sum(int(use.sum()) for use in self.use)
+
+    @cached_property
+    def predicted(self) -> tuple[Floats, ...]:
+        """Return ŷ of every record."""
+        return self._linearised[0]
+
+    @cached_property
+    def errors(self) -> tuple[Floats, ...]:
+        """Return y − ŷ of every record, NaN where it does not count."""
+        pairs = zip(self.records, self.predicted, self.use, strict=True)
+        return tuple(np.where(use, r.y - p, np.nan) for r, p, use in pairs)
+
+    @cached_property
+    def left(self) -> Floats:
+        """Return the whitened residual over σ, (n,), without what the model's free numbers could still absorb."""
+        return self.rest(self.rows([e[:, None] for e in self.errors]))[:, 0]
+
+    @property
+    def chi2(self) -> float:
+        """Return Σ left²."""
+        return float(self.left @ self.left)
+
+    def rows(self, columns: Sequence[Floats]) -> Floats:
+        """Return columns (N, q), one array a record, whitened, over σ, at the samples that count: (n, q)."""
+        found = []
+        for values, use, noise in zip(columns, self.use, self.noises, strict=True):
+            white = whitened(np.where(use[:, None], values, 0.0), use, np.array(noise.ar))
+            found.append(white[use] / noise.std)
+        return np.concatenate(found)
+
+    def rest(self, rows: Floats) -> Floats:
+        """Return rows without what changes of the model's free numbers could make, to first order."""
+        q = self._basis
+        return np.asarray(rows - q @ (q.T @ rows))
+
+    def simulate(self, system: System) -> tuple[Floats, ...] | None:
+        """Return the response of another system to every record's input, None where it has none."""
+        try:
+            found = tuple(respond(system.tree, record, self.path) for record in self.records)
+        except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
+            return None
+        return found if all(np.all(np.isfinite(y)) for y in found) else None
+
+    def change(self, systems: Sequence[System]) -> Floats | None:
+        """Return what other systems would change of ŷ, whitened and projected: (n, systems); None where one has no ŷ."""
+        responses = [self.simulate(system) for system in systems]
+        if any(r is None for r in responses):
+            return None
+        columns = [
+            np.stack([r[k] - base for r in responses if r is not None], axis=1) for k, base in enumerate(self.predicted)
+        ]
+        return self.rest(self.rows(columns))
+
+    def signal(self, place: int) -> tuple[Floats, ...]:
+        """Return the samples of what enters the block at a place of the series (len: what leaves the last)."""
+        if place not in self._signals:
+            blocks = self.system.series[:place]
+            self._signals[place] = tuple(
+                respond(Chain(chain=blocks), r, self.path) if blocks else np.asarray(r.u, float) for r in self.records
+            )
+        return self._signals[place]
+
+    def quantiles(self, place: int, shares: Sequence[float]) -> Floats:
+        """Return quantiles of what enters the block at a place, at the samples that count."""
+        every = np.concatenate([v[use] for v, use in zip(self.signal(place), self.use, strict=True)])
+        return np.asarray(np.quantile(every, shares))
+
+    @cached_property
+    def _linearised(self) -> tuple[tuple[Floats, ...], Floats]:
+        names = [p.name for p in self.system.tree.parameters()]
+        pairs = [sensitivities(self.system.tree, record, names, self.path) for record in self.records]
+        return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs])
+
+    @cached_property
+    def _basis(self) -> Floats:
+        """Return orthonormal columns that span the sensitivities, (n, rank)."""
+        j = self._linearised[1]
+        size = np.linalg.norm(j, axis=0)
+        scaled = j[:, size > 0] / size[size > 0]
+        values, vectors = np.linalg.eigh(scaled.T @ scaled)
+        kept = values > RANK**2 * max(values.max(initial=0.0), 1e-300)
+        if not kept.any():
+            return np.zeros((len(j), 0))
+        q = scaled @ (vectors[:, kept] / np.sqrt(values[kept]))
+        return np.asarray(np.linalg.qr(q)[0])
+
+    def moved(self, system: System) -> Look:
+        """Return the look at another system."""
+        return replace(self, system=system, _signals={})
+
+
+def respond(tree: Block, record: Record, path: str) -> Floats:
+    """Return the samples of a tree's response to a record's input, from the record's initial state."""
+    u = input_signal(tree, record, path)
+    state = begun(tree, u, record)
+    out = np.empty(len(record))
+    for part in chunks(len(record)):
+        y, state = tree.step(u[part], state)
+        out[part] = y.values
+    return out
+
+
+def begun(tree: Block, u: Signal, record: Record) -> object:
+    """Return the state before the first sample: rest, or steady at the first value where there is such a state."""
+    if record.initial == "rest":
+        return None
+    try:
+        tree.steady(float(u.values[0]), u.dt)
+    except WhidError:
+        return None
+    return STEADY
+
+
+def sensitivities(tree: Block, record: Record, names: Sequence[str], path: str) -> tuple[Floats, Floats]:
+    """Return the response of a tree and its derivatives with respect to free numbers, (N,) and (N, p)."""
+    u = input_signal(tree, record, path)
+    state = begun(tree, u, record)
+    y, j = np.empty(len(record)), np.empty((len(record), len(names)))
+    for part in chunks(len(record)):
+        out, tangents, state = tree.tangent(u[part], [], list(names), state)
+        y[part] = out.values
+        j[part] = np.array([t.values for t in tangents]).reshape(len(names), -1).T
+    return y, j

@@ -1,0 +1,15 @@
+"""The closed loop: residual → missing effect → refined model → error before and after.
+
+records ─► base fit ─► residual report ─► screen every effect by score ─► refit the best few ─► add ─► again
+                                                                                └─► verdict (frozen) ─► report data, once
+
+An effect is one file in `whid/effects`: edits of the model's tree with start values. A test of the residual is one file in
+`whid/diagnostics`. This folder owns the loop between them.
+"""
+
+from whid.trace._loop import trace
+from whid.trace._options import Trace
+from whid.trace._report import Ranking, ResidualReport
+from whid.trace._verdict import Errors, Found, Step, Verdict, as_object
+
+__all__ = ["Errors", "Found", "Ranking", "ResidualReport", "Step", "Trace", "Verdict", "as_object", "trace"]

@@ -1,0 +1,111 @@
+"""A joint refit of all free numbers and the effect's, from its best few starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from whid.effects._effect import Candidate, Effect, Screened, gain
+from whid.effects._look import Look
+from whid.errors import WhidError
+from whid.fit import Estimate
+from whid.refine import refine
+from whid.signal import Floats
+
+POLISH = 3  # rounds of halving steps over numbers without a derivative that leads
+
+
+class Refit(NamedTuple):
+    """A model with an effect, fitted."""
+
+    effect: Effect
+    candidate: Candidate  # at the fitted numbers
+    look: Look
+    estimate: Estimate
+    chi2: float
+    gain: float  # nats over the model without it, penalties paid
+    selection: float = 0.0  # nats gained on the selection data
+    selection_std: float = 0.0
+
+
+def refit(look: Look, starts: Sequence[Screened], iterations: int = 25) -> Refit | None:
+    """Return the best fit from several starts of one effect, None where none can be simulated."""
+    found = [each for start in starts if (each := _one(look, start, iterations)) is not None]
+    return max(found, key=lambda r: r.gain, default=None)
+
+
+def fitted(look: Look, iterations: int = 40) -> tuple[Look, Estimate]:
+    """Return the look at its own system after a fit of all its free numbers."""
+    if not look.system.tree.parameters():
+        none = np.empty(0)
+        return look, Estimate((), none, none, np.empty((0, 0)), 0, np.empty((0, 0)), look.chi2, look.samples, 0, "linear")
+    found = refine(
+        look.system, look.records, path=look.path, std=[n.std for n in look.noises],
+        ar=[n.ar for n in look.noises], max_iterations=iterations,
+    )  # fmt: skip
+    return look.moved(found.system), found.estimate
+
+
+def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
+    candidate = start.candidate
+    try:
+        if candidate.rough:
+            candidate = polished(look, candidate)
+        after, estimate = fitted(look.moved(candidate.system), iterations)
+        if candidate.rough:
+            candidate = polished(after, candidate._replace(system=after.system))
+            after, estimate = fitted(after.moved(candidate.system), iterations)
+    except (WhidError, ValueError, np.linalg.LinAlgError):
+        return None
+    chi2 = error2(after)
+    reached = candidate._replace(system=after.system)
+    return Refit(start.effect, reached, after, estimate, chi2, gain_over(look, chi2, reached))
+
+
+def gain_over(before: Look, chi2: float, candidate: Candidate) -> float:
+    """Return the nats gained by a fall of the whole error's χ² to `chi2`, penalties paid."""
+    n = before.samples
+    likelihood = n / 2 * np.log(error2(before) / max(chi2, 1e-300))
+    return float(likelihood - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
+
+
+def error2(look: Look) -> float:
+    """Return Σ of the whitened errors' squares, in units of σ²."""
+    rows = look.rows([np.where(np.isfinite(e), e, 0.0)[:, None] for e in look.errors])[:, 0]
+    return float(rows @ rows)
+
+
+def polished(look: Look, candidate: Candidate) -> Candidate:
+    """Return the candidate with its rough numbers searched, one after another, by steps that shrink."""
+    best, cost = candidate, _cost(look, candidate)
+    width = 0.3
+    for _ in range(POLISH):
+        for name in candidate.rough:
+            for factor in (1 - width, 1 - width / 2, 1 - width / 4, 1 + width / 4, 1 + width / 2, 1 + width):
+                trial = best.at({name: candidate_value(best, name) * factor})
+                if (reached := _cost(look, trial)) < cost:
+                    best, cost = trial, reached
+        width /= 5
+    return best
+
+
+def candidate_value(candidate: Candidate, name: str) -> float:
+    """Return one of the candidate's new numbers."""
+    return candidate.values[name]
+
+
+def _cost(look: Look, candidate: Candidate) -> float:
+    """Return χ² left at the candidate, all other numbers absorbing what they can."""
+    found = look.simulate(candidate.system)
+    if found is None:
+        return float("inf")
+    errors: list[Floats] = [
+        np.where(u, r.y - y, 0.0)[:, None] for r, y, u in zip(look.records, found, look.use, strict=True)
+    ]
+    left = look.rest(look.rows(errors))[:, 0]
+    return float(left @ left)
+
+
+__all__ = ["Refit", "error2", "fitted", "gain", "gain_over", "polished", "refit"]
