@@ -3,6 +3,9 @@
 A block gets a `Signal` and returns one. Between samples a signal is nothing (`discrete`, the sampled path), held
 (`zoh`), or a polynomial on each interval given by its values at Gauss-Legendre nodes (`Panels`, the exact path).
 An interval that a breakpoint of a hard nonlinearity crosses is split where it crosses, so that every panel is smooth.
+
+Several signals on one grid are one `Signal` whose arrays have a leading axis: values (p, N), panels (p, q, N), the same
+splits for all (see `blocks/_stack.py`).
 """
 
 from __future__ import annotations
@@ -47,7 +50,7 @@ class Splits(NamedTuple):
     interval: Ints  # (m,)
     start: Floats  # (m,) in [0, 1)
     width: Floats  # (m,)
-    values: Floats  # (q, m) at start + width·nodes
+    values: Floats  # (…, q, m) at start + width·nodes
 
 
 class Impulses(NamedTuple):
@@ -55,7 +58,7 @@ class Impulses(NamedTuple):
 
     interval: Ints  # (m,)
     at: Floats  # (m,) in [0, 1]
-    area: Floats  # (m,) signal units × s
+    area: Floats  # (…, m) signal units × s
 
 
 NO_SPLITS = Splits(np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 0)))
@@ -65,7 +68,7 @@ NO_IMPULSES = Impulses(np.empty(0, np.intp), np.empty(0), np.empty(0))
 class Panels(NamedTuple):
     """Node values on every interval [t_n, t_n + dt); those of a split interval stand in `splits` instead."""
 
-    values: Floats  # (q, n)
+    values: Floats  # (…, q, n)
     splits: Splits = NO_SPLITS
     impulses: Impulses = NO_IMPULSES
 
@@ -77,7 +80,7 @@ Between = Literal["discrete", "zoh"] | Callable[[], Panels]
 class Signal:
     """Samples x(t0 + n·dt), n = 0 … N−1, and the signal's course between them.
 
-    values  (N,)
+    values  (N,), or (p, N) for a stack
     dt      sampling time, s
     t0      time of the first sample, s
     between "discrete", "zoh", or a function that returns the `Panels` (called once, when somebody needs them)
@@ -95,7 +98,13 @@ class Signal:
         """Return the course between samples as panels; a held signal is constant on each."""
         if callable(self.between):
             return self.between()
-        return Panels(np.broadcast_to(self.values, (self.order, len(self.values))))
+        shape = (*self.values.shape[:-1], self.order, self.samples)
+        return Panels(np.broadcast_to(self.values[..., None, :], shape))
+
+    @property
+    def samples(self) -> int:
+        """Return N."""
+        return int(self.values.shape[-1])
 
     @property
     def sampled(self) -> bool:
@@ -108,9 +117,9 @@ class Signal:
 
     def __getitem__(self, part: slice) -> Signal:
         """Return a stretch of the signal, its course between samples included."""
-        first, last, _ = part.indices(len(self.values))
+        first, last, _ = part.indices(self.samples)
         between: Between = self.between if not callable(self.between) else lambda: cut(self.panels, first, last)
-        return replace(self, values=self.values[first:last], t0=self.t0 + first * self.dt, between=between)
+        return replace(self, values=self.values[..., first:last], t0=self.t0 + first * self.dt, between=between)
 
 
 def cut(panels: Panels, first: int, last: int) -> Panels:
@@ -119,8 +128,11 @@ def cut(panels: Panels, first: int, last: int) -> Panels:
     low, high = np.searchsorted(s.interval, (first, last))
     hit = (i.interval >= first) & (i.interval < last)
     keep = slice(low, high)
-    splits = Splits(s.interval[keep] - first, s.start[keep], s.width[keep], s.values[:, keep]) if high > low else NO_SPLITS
-    return Panels(panels.values[:, first:last], splits, Impulses(i.interval[hit] - first, i.at[hit], i.area[hit]))
+    splits = NO_SPLITS
+    if high > low:
+        splits = Splits(s.interval[keep] - first, s.start[keep], s.width[keep], s.values[..., keep])
+    impulses = Impulses(i.interval[hit] - first, i.at[hit], i.area[..., hit]) if hit.any() else NO_IMPULSES
+    return Panels(panels.values[..., first:last], splits, impulses)
 
 
 def held(values: Floats, dt: float, intersample: str, t0: float = 0.0, order: int = 4) -> Signal:
@@ -147,14 +159,14 @@ def joined(*signals: Signal) -> Signal:
     >>> joined(Signal(np.zeros(1), 0.1), Signal(np.ones(2), 0.1, t0=0.1)).values
     array([0., 1., 1.])
     """
-    values, last = np.concatenate([signal.values for signal in signals]), signals[-1]
+    values, last = np.concatenate([signal.values for signal in signals], axis=-1), signals[-1]
     inner = not last.sampled and any(callable(signal.between) for signal in signals)
     between: Between = (lambda: _joined([signal.panels for signal in signals])) if inner else last.between
     return Signal(values, last.dt, signals[0].t0, between, last.order)
 
 
 def _joined(panels: list[Panels]) -> Panels:
-    first = np.cumsum([0, *(p.values.shape[1] for p in panels)])
+    first = np.cumsum([0, *(p.values.shape[-1] for p in panels)])
     splits = [
         p.splits._replace(interval=p.splits.interval + n)
         for p, n in zip(panels, first, strict=False)
@@ -166,9 +178,9 @@ def _joined(panels: list[Panels]) -> Panels:
         if len(p.impulses.at)
     ]
     return Panels(
-        np.concatenate([p.values for p in panels], axis=1),
+        np.concatenate([p.values for p in panels], axis=-1),
         Splits(*(np.concatenate(column, axis=-1) for column in zip(*splits, strict=True))) if splits else NO_SPLITS,
-        Impulses(*(np.concatenate(column) for column in zip(*hits, strict=True))) if hits else NO_IMPULSES,
+        Impulses(*(np.concatenate(column, axis=-1) for column in zip(*hits, strict=True))) if hits else NO_IMPULSES,
     )
 
 
@@ -182,11 +194,17 @@ def _bandlimited(values: Floats, nodes: Floats) -> Floats:
 
 
 def at(values: Floats, tau: Floats) -> Floats:
-    """Interpolate panels: node values (q, m) at local coordinates tau (m,) or (k, m) in [0, 1] of each panel."""
-    coefficients = rule(values.shape[0]).to_legendre @ values
-    return np.asarray(
-        legendre.legval(2 * tau - 1, coefficients if tau.ndim == 1 else coefficients[:, None, :], tensor=False)
-    )
+    """Interpolate panels: node values (…, q, m) at local coordinates tau (m,) or (k, m) in [0, 1] of each panel.
+
+    Returns (…, m) or (…, k, m).
+    """
+    q = values.shape[-2]
+    share = legendre.legvander(2 * tau - 1, q - 1) @ rule(q).to_legendre  # (…, m, q): what every node contributes
+    nodes = values if tau.ndim == 1 else values[..., None, :, :]
+    found = share[..., 0] * nodes[..., 0, :]
+    for node in range(1, q):
+        found += share[..., node] * nodes[..., node, :]
+    return np.asarray(found, float)
 
 
 def rms(x: Any) -> float:

@@ -64,7 +64,8 @@ def test_only_what_is_downstream_of_a_number_feels_it():
     signal = held(U, DT, "zoh")
     together = tree.tangent(signal, [], names).tangents
     for name, tangent in zip(names, together, strict=True):
-        np.testing.assert_array_equal(tangent.values, tree.tangent(signal, [], [name]).tangents[0].values)
+        alone = tree.tangent(signal, [], [name]).tangents[0].values  # a matrix product of another size rounds differently
+        np.testing.assert_allclose(tangent.values, alone, rtol=0, atol=1e-15)
 
 
 def test_an_integrator_in_a_chain_has_no_steady_state():

@@ -43,7 +43,7 @@ class Tangents(NamedTuple):
     """What `Block.tangent` returns: the output, its derivatives, and the state to go on from."""
 
     signal: Signal
-    tangents: list[Signal]  # one a seed, then one a name in `wrt`
+    tangents: Sequence[Signal]  # one a seed, then one a name in `wrt`
     state: State
 
 

@@ -10,51 +10,69 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from whid.signal import NO_IMPULSES, Floats, Impulses, Panels, Signal, Splits, at, rule
+from whid.signal import NO_IMPULSES, Floats, Impulses, Panels, Signal, Splits, rule
+
+Array = NDArray[Any]
+CLUSTERED = 1e7  # condition of the map to lfilter's delays, beyond it the cascade runs, on samples
+SENSITIVE = 1e4  # what the direct form makes of rounding, beyond it the cascade runs, between samples
 
 
 class StateSpace(NamedTuple):
     """x′ = A x + B u, y = C x + D u (continuous: x′ = dx/dt; discrete: the next x)."""
 
-    a: NDArray[Any]  # (s, s)
-    b: NDArray[Any]  # (s,)
-    c: NDArray[Any]  # (s,)
-    d: Any
+    a: Array  # (s, s)
+    b: Array  # (s,)
+    c: Array  # (s,), or (o, s) for several outputs
+    d: Any  # or (o,)
+
+
+class Direct(NamedTuple):
+    """The sampled recursion as lfilter runs it."""
+
+    num: Floats  # (s + 1,)
+    den: Floats  # (s + 1,)
+    to_zi: Array  # (s, s) the map from the state to lfilter's delays, which is that from an interval's drive to den·y, too
+    exact: bool  # good to 1e-12, too
+    weights: Floats  # (s, q) to_zi @ state_w
+    kernel: Floats  # (k, s) Legendre coefficients of to_zi @ kernel
 
 
 class Inner(NamedTuple):
-    """What happens within an interval: how its nodes and its end depend on the state at its start and the input."""
+    """What happens within an interval: how its nodes and its end depend on the state at its start and the input.
 
-    nodes_c: NDArray[Any]  # (q, s) C·exp(A τ_q h)
+    With several outputs every map that ends in an output has a leading axis (o, …).
+    """
+
+    nodes_c: Array  # (q, s) C·exp(A τ_q h)
     nodes_w: Floats  # (q, q) what the input at node p adds to the output at node q
-    state_w: NDArray[Any]  # (s, q) what the input at node p adds to the next state
-    kernel: NDArray[Any]  # (k, s) Legendre coefficients in 2τ − 1 of h·exp(A h τ)·B
-    kernel_c: Floats  # (k,) the same of h·C·exp(A h τ)·B
-    flow_c: NDArray[Any]  # (k, s) the same of C·exp(A h τ)
+    state_w: Array  # (s, q) what the input at node p adds to the next state
+    kernel: Array  # (k, s) Legendre coefficients in 2τ − 1 of h·exp(A h τ)·B
+    kernel_c: Floats  # (k, …) the same of h·C·exp(A h τ)·B
+    flow_c: Array  # (k, …, s) the same of C·exp(A h τ)
 
 
 @dataclass(frozen=True, eq=False)
 class Realised:
     """A system on a grid, in Schur coordinates: Φ is triangular, so the recursion is a cascade of first-order filters."""
 
-    a: NDArray[Any]  # (s, s) upper triangular, times dt when continuous
-    b: NDArray[Any]  # (s,) times dt when continuous
-    c: NDArray[Any]  # (s,)
-    d: float
-    phi: NDArray[Any]  # (s, s) upper triangular
-    gamma: NDArray[Any]  # (s,) response of the state to an input held over one interval
+    a: Array  # (s, s) upper triangular, times dt when continuous
+    b: Array  # (s,) times dt when continuous
+    c: Array  # (s,), or (o, s)
+    d: Any  # a number, or (o,)
+    phi: Array  # (s, s) upper triangular
+    gamma: Array  # (s,) response of the state to an input held over one interval
     order: int
     discrete: bool
 
     @cached_property
-    def direct(self) -> tuple[Floats, Floats, NDArray[Any] | None]:
-        """Return b and a of the sampled recursion for lfilter, and the map from the state to its delays.
-
-        The map is None where it is ill-conditioned (clustered poles): the cascade is used instead.
-        """
+    def direct(self) -> Direct | None:
+        """Return the recursion as one filter, None where that is ill-conditioned (clustered poles)."""
         s = len(self.phi)
-        den = np.real(np.atleast_1d(np.poly(np.diag(self.phi)))) if s else np.ones(1)
-        markov, observe, x, c = [self.d], [], self.gamma, self.c
+        if s > 6 or self.c.ndim > 1:
+            return None
+        poles = np.diag(self.phi)
+        den = np.real(np.atleast_1d(np.poly(poles))) if s else np.ones(1)
+        markov, observe, x, c = [float(self.d)], [], self.gamma, self.c
         for _ in range(s):
             markov.append(float(np.real(self.c @ x)))
             observe.append(c)
@@ -63,40 +81,85 @@ class Realised:
         # free response of lfilter's transposed form: y = den⁻¹ · zi, so zi = T(den)·observe·x
         toeplitz = sum((den[k] * np.eye(s, k=-k) for k in range(s)), np.zeros((s, s)))
         to_zi = toeplitz @ np.array(observe).reshape(s, s)
-        clustered = s > 6 or (s > 0 and np.linalg.cond(to_zi) > 1e7)
-        return num, den, None if clustered else to_zi
+        condition = float(np.linalg.cond(to_zi)) if s else 1.0
+        if condition > CLUSTERED:
+            return None
+        circle = np.abs(np.polyval(den, np.exp(1j * np.angle(poles)))).min(initial=1.0)
+        exact = s > 0 and max(condition, float(np.abs(den).sum() / max(float(circle), 1e-300))) < SENSITIVE
+        if not exact or self.discrete:
+            return Direct(num, den, to_zi, exact, np.empty((s, 0)), np.empty((0, s)))
+        inner = self.inner
+        return Direct(num, den, to_zi, exact, np.real(to_zi @ inner.state_w), np.real(inner.kernel @ to_zi.T))
 
     @cached_property
     def inner(self) -> Inner:
         """Return the maps of one interval."""
-        from scipy.linalg import expm
-
-        s, q = len(self.b), self.order
+        q = self.order
         k = 8 * int(4 + 0.4 * np.abs(np.diag(self.a)).max(initial=0.0))
-        nodes = np.concatenate([rule(k).nodes, rule(q).nodes])
-        flows = expm(self.a * nodes[:, None, None]) if s else np.zeros((k + q, 0, 0))
-        kernel, flow_c = rule(k).to_legendre @ (flows[:k] @ self.b), rule(k).to_legendre @ (self.c @ flows[:k])
-        integrals = kernel.T @ _product_integrals(k, q)
-        nodes_w, kernel_c = np.real(self.c @ integrals[:-1]), np.real(kernel @ self.c)
-        return Inner(self.c @ flows[k:], nodes_w, integrals[-1], kernel, kernel_c, flow_c)
+        flows = _flows(self.a, np.concatenate([rule(k).nodes, rule(q).nodes]))
+        project, flow_c = rule(k).to_legendre, self.c @ flows  # (k + q, …, s)
+        kernel = project @ (flows[:k] @ self.b)
+        integrals = kernel.T @ _product_integrals(k, q)  # (q + 1, s, q)
+        series = (project @ flow_c[:k].reshape(k, -1)).reshape(k, *flow_c.shape[1:])
+        nodes_w = np.real(self.c @ integrals[:-1])  # (q, …, q)
+        nodes_c = flow_c[k:]
+        if self.c.ndim > 1:
+            nodes_c, nodes_w = nodes_c.swapaxes(0, 1), nodes_w.swapaxes(0, 1)
+        return Inner(nodes_c, nodes_w, integrals[-1], _short(kernel), _short(np.real(kernel @ self.c.T)), _short(series))
+
+
+def _short(series: Array) -> Array:
+    """Return a Legendre series without the coefficients behind the last one that is more than rounding."""
+    size = np.abs(series).reshape(len(series), -1).max(axis=1, initial=0.0)
+    return series[: 1 + int(np.flatnonzero(size > 1e-16 * size.max(initial=0.0)).max(initial=0))]
+
+
+def _flows(a: Array, tau: Floats) -> Array:
+    """Return exp(a·τ) for every τ in [0, 1]: (len(τ), s, s). By its power series where a is small, which is cheap."""
+    from scipy.linalg import expm
+
+    s = len(a)
+    if not s or np.abs(a).sum(axis=0).max() > 2:
+        return np.asarray(expm(a * tau[:, None, None])) if s else np.zeros((len(tau), 0, 0))
+    terms = [np.eye(s, dtype=a.dtype)]
+    for k in range(1, 26):  # 2²⁶/26! is rounding
+        terms.append(terms[-1] @ a / k)
+    powers = np.vander(tau, len(terms), increasing=True)
+    return np.asarray((powers @ np.array(terms).reshape(len(terms), -1)).reshape(len(tau), s, s))
 
 
 def realise(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realised:
     """Return a system on the grid dt with q nodes an interval."""
-    from scipy.linalg import expm, schur
+    z, triangular = triangle(system.a)
+    b, c = z.conj().T @ system.b, system.c @ z
+    return gridded(StateSpace(triangular, b, c, np.real(system.d)), dt, q, discrete=discrete)
+
+
+def triangle(a: Array) -> tuple[Array, Array]:
+    """Return Z and T = ZᴴAZ, upper triangular (Schur)."""
+    from scipy.linalg import schur
+
+    if not len(a):
+        return a, a
+    t: Array
+    z: Array
+    t, z = schur(a, output="real")
+    if np.abs(np.tril(t, -1)).max(initial=0.0) > 0:  # a complex pair stands as a 2 by 2 block
+        t, z = schur(a, output="complex")
+    return z, t
+
+
+def gridded(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realised:
+    """Return a system whose A is upper triangular on the grid dt."""
+    from scipy.linalg import expm
 
     a, b, c, d = system
     s = len(b)
-    if s:
-        a, z = schur(a, output="real")
-        if np.abs(np.tril(a, -1)).max(initial=0.0) > 0:  # a complex pair stands as a 2 by 2 block
-            a, z = schur(system.a, output="complex")
-        b, c = z.conj().T @ b, c @ z
     if discrete:
-        return Realised(a, b, c, float(np.real(d)), a, b, q, True)
+        return Realised(a, b, c, d, a, b, q, True)
     a, b = a * dt, b * dt
     held = expm(np.block([[a, b[:, None]], [np.zeros((1, s + 1))]]))  # the input as one more, constant state
-    return Realised(a, b, c, float(np.real(d)), np.triu(held[:s, :s]), held[:s, s], q, False)
+    return Realised(a, b, c, d, np.triu(held[:s, :s]), held[:s, s], q, False)
 
 
 @lru_cache
@@ -114,94 +177,151 @@ def _product_integrals(k: int, q: int) -> Floats:
 
 
 def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, Any]:
-    """Return the output and the next state (None: from rest); exact between samples where the input is known there."""
+    """Return the output and the next state (None: from rest); exact between samples where the input is known there.
+
+    A stack (p, N) gives a stack and a state (p, s); a system of several outputs gives a stack, one row an output.
+    """
     from scipy.signal import lfilter
 
-    s, n = len(r.phi), len(signal.values)
-    x0 = np.zeros(s, r.phi.dtype) if state is None else np.asarray(state)
-    if not n or (not s and not callable(signal.between)):
-        return signal.with_values(r.d * signal.values), x0
-    if signal.sampled:
-        numerator, denominator, to_zi = r.direct
-        if to_zi is not None:
-            y, zf = lfilter(numerator, denominator, signal.values, zi=np.real(to_zi @ x0))
-            return signal.with_values(y), np.linalg.solve(to_zi, zf)
-    if r.discrete or not callable(signal.between):
-        drive = r.gamma[:, None] * signal.values
+    s, values = len(r.phi), signal.values
+    x0 = np.zeros((*values.shape[:-1], s), r.phi.dtype) if state is None else np.asarray(state)
+    if not signal.samples or (not s and not callable(signal.between)):
+        return signal.with_values(_through(r, values)), x0
+    direct = r.direct
+    if direct is not None and (signal.sampled or not callable(signal.between)) and (signal.sampled or direct.exact):
+        y, zf = lfilter(direct.num, direct.den, values, zi=np.real(x0 @ direct.to_zi.T))
+        last = np.linalg.solve(direct.to_zi, zf.T).T
+    elif direct is not None and direct.exact and not r.discrete:
+        y, last = _summed(r, direct, signal, x0)
     else:
-        drive = r.inner.state_w @ signal.panels.values
-        if len(signal.panels.splits.interval) or len(signal.panels.impulses.interval):
-            _correct(r, signal.panels, signal.dt, drive)
-    x = np.empty((s, n), drive.dtype)
-    last = np.empty(s, drive.dtype)
-    for k in range(s - 1, -1, -1):
-        source = drive[k] + r.phi[k, k + 1 :] @ x[k + 1 :] if k < s - 1 else drive[k]
-        x[k], zf = lfilter([0.0, 1.0], [1.0, -r.phi[k, k]], source, zi=[x0[k]])
-        last[k] = zf[0]
-    y = np.real(r.c @ x) + r.d * signal.values
+        x, last = _states(r, _drive(r, signal), x0)
+        y = np.real(r.c @ x) + _through(r, values)
     if signal.sampled:
         return signal.with_values(y), last
     if r.discrete:  # a digital filter holds its output
         return signal.with_values(y, "zoh"), last
-    return signal.with_values(y, lambda: _between(r, signal, x)), last
+    return signal.with_values(y, lambda: _between(r, signal, _states(r, _drive(r, signal), x0)[0])), last
 
 
-def _correct(r: Realised, panels: Panels, dt: float, drive: NDArray[Any]) -> None:
-    """Replace the drive of split intervals by the sum over their sub-panels; add impulses."""
+def _through(r: Realised, values: Floats) -> Floats:
+    return np.asarray(r.d * values if r.c.ndim == 1 else r.d[:, None] * values)
+
+
+def _summed(r: Realised, direct: Direct, signal: Signal, x0: Array) -> tuple[Floats, Array]:
+    """Return the samples and the last state by one filter of order s a signal: den(z)·y = Σ_l z⁻ˡ (to_zi @ drive)_l."""
+    from scipy.signal import lfilter
+
+    s, n = len(r.phi), signal.samples
+    lagged = _arrived(signal, direct.weights, direct.kernel)
+    source, tail = np.zeros(signal.values.shape), np.zeros((*signal.values.shape[:-1], s))
+    for lag in range(1, s + 1):
+        source[..., lag:] += lagged[..., lag - 1, : max(n - lag, 0)]
+        for j in range(max(lag - n, 0), lag):
+            tail[..., j] += lagged[..., lag - 1, n + j - lag]
+    y, zf = lfilter([1.0], direct.den, source, zi=np.real(x0 @ direct.to_zi.T))
+    return y + _through(r, signal.values), np.linalg.solve(direct.to_zi, (zf + tail).T).T
+
+
+def _drive(r: Realised, signal: Signal) -> Array:
+    """Return what arrives at the state within every interval (…, s, N)."""
+    if r.discrete or not callable(signal.between):
+        return np.asarray(r.gamma[:, None] * signal.values[..., None, :])
+    return _arrived(signal, r.inner.state_w, r.inner.kernel)
+
+
+def _states(r: Realised, drive: Array, x0: Array) -> tuple[Array, Array]:
+    """Return x (…, s, N) and the state after the last interval: x(n + 1) = Φ x(n) + drive(n), from the last row up."""
+    from scipy.signal import lfilter
+
+    x, last = np.empty(drive.shape, r.phi.dtype), np.empty(drive.shape[:-1], r.phi.dtype)
+    for k in range(len(r.phi) - 1, -1, -1):
+        source = drive[..., k, :] + r.phi[k, k + 1 :] @ x[..., k + 1 :, :] if k < len(r.phi) - 1 else drive[..., k, :]
+        x[..., k, :], zf = lfilter([0.0, 1.0], [1.0, -r.phi[k, k]], source, zi=x0[..., k, None])
+        last[..., k] = zf[..., 0]
+    return x, last
+
+
+def _arrived(signal: Signal, weights: Array, kernel: Array) -> Array:
+    """Return Σ weight·value over the nodes of every interval (…, s, N), or of its sub-panels; impulses too."""
+    panels, dt = signal.panels, signal.dt
+    drive = _product(weights, panels.values)
     s, i = panels.splits, panels.impulses
     if len(s.interval):
-        drive[:, s.interval] = 0.0
-        rest = 1 - (s.start + s.width * rule(len(s.values)).nodes[:, None])
-        weight = rule(len(s.values)).weights[:, None] * s.width * s.values
-        for k in range(len(drive)):
-            np.add.at(drive[k], s.interval, (_series(r.inner.kernel[:, k], rest) * weight).sum(axis=0))
-    for k in range(len(drive)):
-        np.add.at(drive[k], i.interval, _series(r.inner.kernel[:, k], 1 - i.at) / dt * i.area)
+        q = s.values.shape[-2]
+        share = _series(kernel, 1 - (s.start + s.width * rule(q).nodes[:, None])) * (rule(q).weights[:, None] * s.width)
+        inner = share[:, 0] * s.values[..., None, 0, :]
+        for node in range(1, q):
+            inner += share[:, node] * s.values[..., None, node, :]
+        first = np.flatnonzero(np.diff(s.interval, prepend=-1))
+        drive[..., s.interval[first]] = np.add.reduceat(inner, first, axis=-1)
+    if len(i.interval):
+        _add(drive, i.interval, _series(kernel, 1 - i.at) / dt * i.area[..., None, :])
+    return drive
 
 
-def _series(coefficients: NDArray[Any], tau: Floats) -> NDArray[Any]:
-    return np.asarray(legendre.legval(2 * tau - 1, coefficients))
+def _add(out: Array, index: Any, values: Array) -> None:
+    """Add values (…, m) to out (…, N) at an index (m,) that may repeat."""
+    where: Any = (..., index)
+    np.add.at(out, where, values)
 
 
-def _between(r: Realised, signal: Signal, x: NDArray[Any]) -> Panels:
+def _product(matrix: Array, values: Floats) -> Array:
+    """Return matrix @ values, without a complex copy of real values."""
+    if not np.iscomplexobj(matrix):
+        return np.asarray(matrix @ values)
+    out = np.empty((*values.shape[:-2], len(matrix), values.shape[-1]), complex)
+    out.real, out.imag = matrix.real @ values, matrix.imag @ values
+    return out
+
+
+def _series(coefficients: Array, tau: Floats) -> Array:
+    """Return Legendre series (k, …) in 2τ − 1 at τ of any shape: (…, *τ.shape)."""
+    terms = legendre.legvander(2 * tau.ravel() - 1, len(coefficients) - 1)
+    found = _product(coefficients.reshape(len(coefficients), -1).T, np.asarray(terms.T, float))
+    return np.asarray(found.reshape(*coefficients.shape[1:], *tau.shape))
+
+
+def _between(r: Realised, signal: Signal, x: Array) -> Panels:
     """Return the output at the nodes: free motion of the state plus what the input adds within the interval."""
-    free = np.real(r.inner.nodes_c @ x)
+    free, d = np.real(r.inner.nodes_c @ x), r.d if r.c.ndim == 1 else r.d[:, None, None]
     if not callable(signal.between):
-        return Panels(free + (r.inner.nodes_w.sum(axis=1) + r.d)[:, None] * signal.values)
+        return Panels(free + (r.inner.nodes_w.sum(axis=-1)[..., None] + d) * signal.values[..., None, :])
     panels = signal.panels
-    dense = free + r.inner.nodes_w @ panels.values + r.d * panels.values
+    dense = free + r.inner.nodes_w @ panels.values + d * panels.values
     s, i = panels.splits, panels.impulses
-    through = i._replace(area=r.d * i.area) if r.d else NO_IMPULSES
+    through = i._replace(area=_through(r, i.area)) if np.any(r.d) and len(i.at) else NO_IMPULSES
     if not len(s.interval):
         return Panels(dense, impulses=through)
-    return Panels(dense, s._replace(values=_inside(r, s, i, x, signal.dt)), through)
+    return Panels(dense, s._replace(values=_inside(r, s, i, x, signal.dt) + d * s.values), through)
 
 
-def _inside(r: Realised, s: Splits, i: Impulses, x: NDArray[Any], dt: float) -> Floats:
-    """Return the output at the nodes of every sub-panel; an impulse always falls where a sub-panel starts."""
-    q = len(s.values)
+def _inside(r: Realised, s: Splits, i: Impulses, x: Array, dt: float) -> Floats:
+    """Return C x at the nodes of every sub-panel; an impulse always falls where a sub-panel starts."""
+    q = s.values.shape[-2]
     nodes, weights = rule(q).nodes, rule(q).weights
     t = s.start + s.width * nodes[:, None]  # (q, m)
-    out = np.zeros_like(t)
-    for k in range(len(x)):
-        out += np.real(_series(r.inner.flow_c[:, k], t) * x[k, s.interval])
+    flow = _series(r.inner.flow_c, t)  # (…, s, q, m)
+    start = x[..., s.interval]
+    out = np.zeros((*x.shape[:-2], *r.c.shape[:-1], *t.shape))
+    for k in range(x.shape[-2]):
+        out += np.real(flow[..., k, :, :] * start[..., k, None, :])
     for node in range(q):  # the part of the own sub-panel before each node
-        inner = nodes[node] * nodes[:, None] * np.ones(len(s.interval))
+        course = legendre.legvander(2 * nodes[node] * nodes - 1, q - 1) @ rule(q).to_legendre @ s.values
         lag = nodes[node] * s.width * (1 - nodes[:, None])
-        part = _series(r.inner.kernel_c, lag) * at(s.values, inner) * weights[:, None]
-        out[node] += part.sum(axis=0) * nodes[node] * s.width
+        part = _series(r.inner.kernel_c, lag) * course * weights[:, None]
+        out[..., node, :] += part.sum(axis=-2) * nodes[node] * s.width
     later = 1
     while later < len(s.interval) and (same := s.interval[later:] == s.interval[:-later]).any():
         ahead, behind = np.flatnonzero(same) + later, np.flatnonzero(same)
         for node in range(q):  # an earlier sub-panel of the same interval, whole
-            lag = t[node, ahead] - t[:, behind]
-            part = _series(r.inner.kernel_c, lag) * s.values[:, behind] * weights[:, None]
-            out[node, ahead] += part.sum(axis=0) * s.width[behind]
+            part = _series(r.inner.kernel_c, t[node, ahead] - t[:, behind]) * s.values[..., behind] * weights[:, None]
+            out[..., node, ahead] += part.sum(axis=-2) * s.width[behind]
         later += 1
     first, last = np.searchsorted(s.interval, i.interval), np.searchsorted(s.interval, i.interval, side="right")
     for step in range(int((last - first).max(initial=0))):  # each impulse on the step-th sub-panel of its interval
         hit = first + step < last
         mine = (first + step)[hit]
         lag = t[:, mine] - i.at[hit]
-        np.add.at(out.T, mine, np.where(lag >= 0, _series(r.inner.kernel_c, np.abs(lag)) / dt * i.area[hit], 0.0).T)
-    return out + r.d * s.values
+        share = np.where(lag >= 0, _series(r.inner.kernel_c, np.abs(lag)), 0.0) / dt
+        _add(out, mine, share * i.area[..., None, hit])
+    return np.asarray(out)

@@ -68,9 +68,16 @@ def onto(seed: Signal, s: Splits) -> Panels:
     return panels._replace(splits=s._replace(values=refined(panels, s)))
 
 
+def same(a: Splits, b: Splits) -> bool:
+    """Tell whether two signals are split at the same places, by the very arrays they share."""
+    return a.interval is b.interval and a.start is b.start
+
+
 def refined(panels: Panels, s: Splits) -> Floats:
     """Return a signal's values at the nodes of some sub-panels, each of which lies in one panel of the signal."""
-    local = s.start + s.width * rule(len(panels.values)).nodes[:, None]
+    if same(panels.splits, s):
+        return panels.splits.values
+    local = s.start + s.width * rule(panels.values.shape[-2]).nodes[:, None]
     return _values_at(panels, s.interval, local, s.start + s.width / 2)
 
 
@@ -79,7 +86,7 @@ def total(signals: Sequence[Signal]) -> Signal:
 
     def impulses(courses: Sequence[Panels]) -> Impulses:
         given = [course.impulses for course in courses if len(course.impulses.interval)]
-        return Impulses(*(np.concatenate(column) for column in zip(*given, strict=True))) if given else NO_IMPULSES
+        return Impulses(*(np.concatenate(column, axis=-1) for column in zip(*given, strict=True))) if given else NO_IMPULSES
 
     return pointwise(lambda *values: np.sum(values, axis=0), signals, impulses)
 
@@ -97,7 +104,7 @@ def pointwise(
 
     def between() -> Panels:
         courses = [signal.panels for signal in signals]
-        s = _united([course.splits for course in courses])
+        s = united([course.splits for course in courses])
         if len(s.interval):
             s = s._replace(values=function(*(refined(course, s) for course in courses)))
         dense = function(*(course.values for course in courses))
@@ -106,10 +113,10 @@ def pointwise(
     return inner[0].with_values(values, between)
 
 
-def _united(splits: Sequence[Splits]) -> Splits:
+def united(splits: Sequence[Splits]) -> Splits:
     """Return sub-panels as fine as all the given ones together; their values are still to come."""
     given = [s for s in splits if len(s.interval)]
-    if len(given) < 2:
+    if all(same(s, given[0]) for s in given):
         return given[0] if given else NO_SPLITS
     index, start = np.concatenate([s.interval for s in given]), np.concatenate([s.start for s in given])
     order = np.lexsort((start, index))
@@ -128,7 +135,7 @@ def value_at(panels: Panels, index: Ints, when: Floats) -> Floats:
 def sides(panels: Panels, index: Ints, when: Floats) -> tuple[Floats, Floats]:
     """Return the limits from the left and from the right; at the end of the last interval twice the left one."""
     left = _values_at(panels, index, when, when - 1e-9)
-    wrap = (when >= 1.0) & (index + 1 < panels.values.shape[1])
+    wrap = (when >= 1.0) & (index + 1 < panels.values.shape[-1])
     right = np.where(when >= 1.0, left, _values_at(panels, index, when, when + 1e-9))
     if wrap.any():
         zero = np.zeros(int(wrap.sum()))
@@ -138,7 +145,7 @@ def sides(panels: Panels, index: Ints, when: Floats) -> tuple[Floats, Floats]:
 
 def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Floats:
     """Evaluate at `local` of each interval, on the sub-panel that `place` lies in where the interval is split."""
-    values = at(panels.values[:, index], local)
+    values = at(panels.values[..., index], local)
     own = panels.splits
     if not len(own.interval):
         return values
@@ -146,7 +153,7 @@ def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Flo
     hit = (panel >= 0) & (own.interval[panel] == index)
     p = panel[hit]
     inside = np.clip((local[..., hit] - own.start[p]) / own.width[p], 0.0, 1.0)
-    values[..., hit] = at(own.values[:, p], inside)
+    values[..., hit] = at(own.values[..., p], inside)
     return values
 
 
@@ -233,17 +240,20 @@ def _turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
 def _root(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
     tau = (low + high) / 2
+    open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
+    target = np.broadcast_to(target, tau.shape)
     for _ in range(60):
-        error = _evaluate(course, tau) - target
-        above = (error >= 0) == rising
-        low, high = np.where(above, low, tau), np.where(above, tau, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = tau - error / _evaluate(slope, tau)
-        following = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
-        settled = np.all(np.abs(following - tau) <= 1e-15)
-        tau = following
-        if settled:
+        if not len(open_):
             break
+        here = tau[open_]
+        error = _evaluate(course[:, open_], here) - target[open_]
+        above = (error >= 0) == rising[open_]
+        low[open_], high[open_] = np.where(above, low[open_], here), np.where(above, here, high[open_])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = here - error / _evaluate(slope[:, open_], here)
+        inside = (newton >= low[open_]) & (newton <= high[open_])
+        tau[open_] = np.where(inside, newton, (low[open_] + high[open_]) / 2)
+        open_ = open_[np.abs(tau[open_] - here) > 1e-15]
     return np.asarray(tau)
 
 

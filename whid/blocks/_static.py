@@ -11,7 +11,8 @@ import numpy as np
 
 from whid.blocks._block import Block, State, Tangents
 from whid.blocks._split import Crossings, onto, sides, split, value_at
-from whid.signal import Floats, Impulses, Ints, Panels, Signal
+from whid.blocks._stack import Bundle, stacked
+from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal
 
 Course = Callable[[], tuple[Panels, Crossings]]  # the input's panels, split at the breakpoints, made when needed
 
@@ -32,6 +33,11 @@ class Static(Block):
     def sensitivity(self, v: Floats, name: str) -> Floats:
         """Return ∂f(v)/∂name at fixed v (away from breakpoints), any shape."""
 
+    def sensitivities(self, v: Floats, names: Sequence[str], out: Floats) -> None:
+        """Write ∂f(v)/∂name into the rows of out (k, *v.shape); a leaf whose rows have work in common does it once."""
+        for row, name in zip(out, names, strict=True):
+            row[...] = self.sensitivity(v, name)
+
     def breakpoints(self) -> Floats:
         """Return the ascending v at which f or f′ jumps."""
         return np.empty(0)
@@ -51,13 +57,39 @@ class Static(Block):
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Return f(v), then f′(v)·dv for every seed and ∂f/∂θ for every name, jumps as impulses in time."""
         course = cache(lambda: self._course(signal))
-        along = [self._derivative(signal, course, seed, None) for seed in seeds]
-        rates = [self._derivative(signal, course, None, name) for name in wrt]
-        return Tangents(self._output(signal, course), along + rates, None)
+        out = self._output(signal, course)
+        if not seeds and not wrt:
+            return Tangents(out, [], None)
+        stack = stacked(seeds) if seeds else None
+        values = self._rates(signal.values, None if stack is None else stack.values, wrt)
+        if not callable(signal.between) and (stack is None or not callable(stack.between)):
+            return Tangents(out, Bundle(signal.with_values(values)), None)
+
+        def between() -> Panels:
+            panels, crossings = course()
+            s = panels.splits
+            along = None if stack is None else onto(stack, s)
+            dense = self._rates(panels.values, None if along is None else along.values, wrt)
+            if len(s.interval):
+                s = s._replace(values=self._rates(s.values, None if along is None else along.splits.values, wrt))
+            own = self._impulses(crossings, along, wrt, signal.dt)
+            return Panels(dense, s, own if along is None else _joined(own, self._passed(panels, along.impulses, len(wrt))))
+
+        return Tangents(out, Bundle(signal.with_values(values, between)), None)
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return f(level); a static block has no state."""
         return float(self.value(np.array([level]))[0]), None
+
+    def _rates(self, v: Floats, along: Floats | None, wrt: Sequence[str]) -> Floats:
+        """Return f′(v)·dv of every seed, then ∂f/∂θ of every name: (p + k, *v.shape)."""
+        count = 0 if along is None else len(along)
+        out = np.empty((count + len(wrt), *v.shape))
+        if along is not None:
+            np.multiply(along, self.derivative(v), out=out[:count])
+        if wrt:
+            self.sensitivities(v, wrt, out[count:])
+        return out
 
     def _course(self, signal: Signal) -> tuple[Panels, Crossings]:
         return split(signal, self.breakpoints())
@@ -80,48 +112,30 @@ class Static(Block):
 
         return signal.with_values(values, between)
 
-    def _derivative(self, signal: Signal, course: Course, seed: Signal | None, name: str | None) -> Signal:
-        def rate(v: Floats, dv: Floats | None) -> Floats:
-            return np.asarray(self.derivative(v) * dv) if dv is not None else self.sensitivity(v, name or "")
-
-        values = rate(signal.values, None if seed is None else seed.values)
-        if not callable(signal.between) and (seed is None or not callable(seed.between)):
-            return signal.with_values(values)
-
-        def between() -> Panels:
-            panels, crossings = course()
-            s = panels.splits
-            along = None if seed is None else onto(seed, s)
-            dense = rate(panels.values, None if along is None else along.values)
-            if len(s.interval):
-                s = s._replace(values=rate(s.values, None if along is None else along.splits.values))
-            own = self._impulses(crossings, along, name, signal.dt)
-            return Panels(dense, s, own if along is None else _joined(own, self._passed(panels, along.impulses)))
-
-        return signal.with_values(values, between)
-
-    def _impulses(self, crossings: Crossings, along: Panels | None, name: str | None, dt: float) -> Impulses:
+    def _impulses(self, crossings: Crossings, along: Panels | None, wrt: Sequence[str], dt: float) -> Impulses:
         """J·(dv − db)/|v̇| at every crossing: w jumps by ±J there, and the crossing moves by −(dv − db)/v̇."""
         jump = self._jumps_at(crossings.which)
         keep = (jump != 0) & (crossings.speed > 0)
+        if not keep.any():
+            return NO_IMPULSES
         c = crossings.where(keep)
-        moved = np.zeros(len(c.at)) if along is None else value_at(along, c.interval, c.at)
-        if name is not None:
-            moved = moved - self._rates_at(c.which, name)
-        return Impulses(c.interval, c.at, jump[keep] * moved / c.speed * dt)
+        moved = [] if along is None else [value_at(along, c.interval, c.at)]
+        if wrt:
+            moved.append(np.array([-self._rates_at(c.which, name) for name in wrt]))
+        return Impulses(c.interval, c.at, np.concatenate(moved) * (jump[keep] / c.speed * dt))
 
-    def _passed(self, panels: Panels, impulses: Impulses) -> Impulses:
+    def _passed(self, panels: Panels, impulses: Impulses, own: int) -> Impulses:
         """An impulse moves a jump of v in time, so f's own jump there: its area times the secant slope of f."""
         if not len(impulses.interval):
-            return impulses
+            return NO_IMPULSES
         left, right = sides(panels, impulses.interval, impulses.at)
         rise = right - left
         smooth = np.abs(rise) <= 1e-9 * (np.abs(left) + np.abs(right))
         secant = (self.value(right) - self.value(left)) / np.where(smooth, 1.0, rise)
-        return impulses._replace(area=impulses.area * np.where(smooth, self.derivative(right), secant))
+        area = impulses.area * np.where(smooth, self.derivative(right), secant)
+        return impulses._replace(area=np.concatenate([area, np.zeros((own, area.shape[-1]))]))
 
 
 def _joined(a: Impulses, b: Impulses) -> Impulses:
-    if not len(b.interval):
-        return a
-    return Impulses(np.concatenate([a.interval, b.interval]), np.concatenate([a.at, b.at]), np.concatenate([a.area, b.area]))
+    given = [i for i in (a, b) if len(i.interval)]
+    return Impulses(*(np.concatenate(column, axis=-1) for column in zip(*given, strict=True))) if given else NO_IMPULSES

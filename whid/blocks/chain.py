@@ -9,6 +9,7 @@ from typing import Annotated
 from annotated_types import MinLen
 
 from whid.blocks._block import Block, State, Tangents, each
+from whid.blocks._stack import Bundle, stacked
 from whid.signal import Signal
 
 
@@ -42,14 +43,14 @@ class Chain(Block):
         """Pass the tangents on: each block adds those of its own numbers, only what is downstream is simulated."""
         names = [name.split(".", 2) for name in wrt]
         order = sorted(range(len(wrt)), key=lambda j: int(names[j][1]))
-        states, tangents = [], list(seeds)
+        states, tangents = [], seeds
         for place, (block, s) in enumerate(zip(self.chain, each(state, len(self.chain)), strict=True)):
             own = [names[j][2] for j in order if int(names[j][1]) == place]
             signal, tangents, s = block.tangent(signal, tangents, own, s)
             states.append(s)
-        count = len(seeds)
-        found = dict(zip(order, tangents[count:], strict=True))
-        return Tangents(signal, tangents[:count] + [found[j] for j in range(len(wrt))], states)
+        found = {j: len(seeds) + k for k, j in enumerate(order)}
+        whole = [*range(len(seeds)), *(found[j] for j in range(len(wrt)))]
+        return Tangents(signal, Bundle(stacked(tangents)).ordered(whole) if whole else [], states)
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Pass the level through every block."""

@@ -167,7 +167,7 @@ def _added(
     """Return a block's output and derivatives, the last len(wrt) columns with the block's own numbers added."""
     mine = [k for k, name in enumerate(wrt) if name.startswith(prefix)]
     out, along, state = block.tangent(signal, seeds, [wrt[k][len(prefix) :] for k in mine], state)
-    columns, first = along[: len(seeds)], len(seeds) - len(wrt)
+    columns, first = list(along[: len(seeds)]), len(seeds) - len(wrt)
     for k, own in zip(mine, along[len(seeds) :], strict=True):
         columns[first + k] = total([columns[first + k], own])
     return out, columns, state

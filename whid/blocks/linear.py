@@ -12,7 +12,8 @@ from annotated_types import Gt, MinLen
 from numpy.typing import NDArray
 
 from whid.blocks._block import Block, Number, State, Tangents
-from whid.blocks._filter import Realised, StateSpace, filtered, realise
+from whid.blocks._filter import Realised, StateSpace, filtered, gridded, realise, triangle
+from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
 from whid.signal import Floats, Signal
 
@@ -138,14 +139,14 @@ class Linear(Block):
         return filtered(r, signal, _started(r, signal, state))
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
-        """Filter the seeds like the signal; a coefficient's derivative is the response of the augmented system."""
+        """Filter the seeds like the signal; its own numbers' derivatives are further outputs of one system (`_family`)."""
         self._check_rate(signal)
         realised = _realised(self, signal.dt, signal.order)
-        runs = [(realised, signal), *((realised, seed) for seed in seeds)]
-        runs += [(_realised(self, signal.dt, signal.order, name), signal) for name in wrt]
+        runs = [(realised, signal), *([(realised, stacked(seeds))] if seeds else [])]
+        runs += [(_family(self, signal.dt, signal.order, tuple(wrt)), signal)] if wrt else []
         states = state if isinstance(state, list) else [state] * len(runs)
-        done = [filtered(r, x, _started(r, x, s)) for (r, x), s in zip(runs, states, strict=True)]
-        return Tangents(done[0][0], [y for y, _ in done[1:]], [s for _, s in done])
+        (out, first), *rest = [filtered(r, x, _started(r, x, s)) for (r, x), s in zip(runs, states, strict=True)]
+        return Tangents(out, Bundle(stacked([y for y, _ in rest])) if rest else [], [first, *(s for _, s in rest)])
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return G(0)·level and the state that stays there."""
@@ -169,33 +170,57 @@ def _canonical(num: NDArray[Any], den: NDArray[Any]) -> StateSpace:
 
 
 @lru_cache(maxsize=512)
-def _realised(block: Linear, dt: float, q: int, wrt: str | None = None) -> Realised:
-    return realise(block.state_space() if wrt is None else _augmented(block, wrt), dt, q, discrete=block.dt is not None)
+def _realised(block: Linear, dt: float, q: int) -> Realised:
+    return realise(block.state_space(), dt, q, discrete=block.dt is not None)
 
 
-def _augmented(block: Linear, name: str) -> StateSpace:
-    """Return the system whose output is ∂y/∂name: (A, B, C, D) beside their derivatives, by a complex step."""
+@lru_cache(maxsize=512)
+def _family(block: Linear, dt: float, q: int, names: tuple[str, ...]) -> Realised:
+    """Return the system whose outputs are ∂y/∂name.
+
+    With p = den/den[0] of degree n every derivative is P/p² for some polynomial P = D p² + Q p + R, so D u + Q(1/p)u +
+    R(1/p²)u: all share the 2n states of (1/p²)u and (1/p)u.
+    """
+    num, den = block.transfer_function()
+    monic, n = den / den[0], len(den) - 1
+    a, b, *_ = _canonical(num, den)
+    z, t = triangle(a)
+    into, last = z.conj().T @ b, np.eye(1, n, n - 1)[0] @ z if n else np.zeros(0)
+    outputs, through = [], []
+    for name in names:
+        rest = _numerator(block, name)
+        feed, rest = rest[0], (rest - rest[0] * np.convolve(monic, monic))[1:]
+        for k in range(n):  # division by p
+            rest[k + 1 : k + n + 1] -= rest[k] * monic[1:]
+        outputs.append(np.concatenate([rest[n:] @ z, rest[:n] @ z]))
+        through.append(float(feed))
+    whole = np.block([[t, np.outer(into, last)], [np.zeros_like(t), t]])
+    system = StateSpace(whole, np.concatenate([np.zeros(n), into]), np.array(outputs), np.array(through))
+    return gridded(system, dt, q, discrete=block.dt is not None)
+
+
+def _numerator(block: Linear, name: str) -> Floats:
+    """Return P (2n + 1,), descending, of ∂(num/den)/∂name = P/p²."""
+    num, den = block.transfer_function()
     head, _, place = name.partition(".")
-    num, den = (np.array(x, complex) for x in block.transfer_function())
-    if head == "gain":
-        return StateSpace(*_canonical(np.real(num) / (block.gain or 1.0), np.real(den)))
-    step = 1e-30
-    target = num if head == "num" else den
-    target[int(place)] += 1j * step
-    a, b, c, d = _canonical(num, den)
-    (a, da), (b, db), (c, dc), (d, dd) = ((np.real(x), np.imag(x) / step) for x in (a, b, c, d))
-    zero = np.zeros_like(a)
-    return StateSpace(np.block([[a, zero], [da, a]]), np.concatenate([b, db]), np.concatenate([dc, c]), dd)
+    if head == "den":  # −num·sᵏ/den²
+        found = -np.append(num, np.zeros(len(den) - 1 - int(place))) / den[0] ** 2
+    elif head == "num":  # sᵏ/den
+        found = np.append(den, np.zeros(len(num) - 1 - int(place))) / den[0] ** 2
+    else:
+        found = np.convolve(np.real(np.atleast_1d(np.poly(block.zeros))), den)
+    return np.concatenate([np.zeros(2 * len(den) - 1 - len(found)), found])
 
 
 def _started(r: Realised, signal: Signal, state: State) -> State:
-    return _steady_state(r, float(signal.values[0])) if isinstance(state, str) and len(signal.values) else state
+    return _steady_state(r, signal.values[..., 0]) if isinstance(state, str) and signal.samples else state
 
 
-def _steady_state(r: Realised, level: float) -> Any:
-    """Return the state that a constant input holds: x = Φx + Γ·level."""
-    if level == 0:
-        return np.zeros(len(r.phi), r.phi.dtype)
+def _steady_state(r: Realised, level: Any) -> Any:
+    """Return the state (…, s) that a constant input holds: x = Φx + Γ·level."""
+    level = np.asarray(level)
+    if not level.any():
+        return np.zeros((*level.shape, len(r.phi)), r.phi.dtype)
     if np.any(np.abs(1 - np.diag(r.phi)) < 1e-13):  # Φ is triangular
         raise WhidError("block-no-steady-state", "a linear block with a pole at 0 has no steady state")
-    return np.linalg.solve(np.eye(len(r.phi)) - r.phi, r.gamma) * level
+    return np.linalg.solve(np.eye(len(r.phi)) - r.phi, r.gamma) * level[..., None]

@@ -10,6 +10,7 @@ from annotated_types import MinLen
 
 from whid.blocks._block import Block, State, Tangents, each
 from whid.blocks._split import total
+from whid.blocks._stack import Bundle, stacked
 from whid.signal import Signal
 
 
@@ -47,9 +48,10 @@ class Parallel(Block):
             passed.append(block.tangent(signal, seeds, [names[j][2] for j in mine], s))
             for j, own in zip(mine, passed[-1].tangents[len(seeds) :], strict=True):
                 found[j] = own
-        along = [total([p.tangents[k] for p in passed]) for k in range(len(seeds))]
+        along = [total([stacked(p.tangents[: len(seeds)]) for p in passed])] if seeds else []
         rates = [own for own in found if own is not None]
-        return Tangents(total([p.signal for p in passed]), along + rates, [p.state for p in passed])
+        tangents = Bundle(stacked([*along, *rates])) if seeds or wrt else []
+        return Tangents(total([p.signal for p in passed]), tangents, [p.state for p in passed])
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Add the branches' steady levels."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -79,6 +80,22 @@ class Piecewise(Static):
                 f, x = _fold(self.breaks[k], np.eye(power + 1)[power]), v - self.breaks[k]
                 own += sign * (f.jump * lean(x, self.knee) + f.rise(v) * bump(x, self.knee))
         return own
+
+    def sensitivities(self, v: Floats, names: Sequence[str], out: Floats) -> None:
+        """Write all rows with the pieces looked up once, where no knee rounds them."""
+        if self.knee is not None:
+            return super().sensitivities(v, names, out)
+        piece = self._piece(v)
+        inside = {j: piece == j for j in {int(n.split(".")[1]) for n in names if n.startswith("pieces")}}
+        powers: list[Floats] = [np.ones_like(v)]
+        for row, name in zip(out, names, strict=True):
+            head, *place = name.split(".")
+            if head == "breaks":
+                row[...] = 0.0
+                continue
+            while len(powers) <= int(place[1]):
+                powers.append(powers[-1] * v)
+            np.multiply(inside[int(place[0])], powers[int(place[1])], out=row)
 
     def breakpoints(self) -> Floats:
         """Return the breaks, or where their knees begin and end."""

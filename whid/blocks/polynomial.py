@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -43,3 +44,11 @@ class Polynomial(Static):
     def sensitivity(self, v: Floats, name: str) -> Floats:
         """Return vᵏ for coefficient k."""
         return np.asarray(v ** int(name.partition(".")[2]))
+
+    def sensitivities(self, v: Floats, names: Sequence[str], out: Floats) -> None:
+        """Write the powers, each from the one before."""
+        powers = [np.ones_like(v)]
+        for row, name in zip(out, names, strict=True):
+            while len(powers) <= int(name.partition(".")[2]):
+                powers.append(powers[-1] * v)
+            row[...] = powers[int(name.partition(".")[2])]

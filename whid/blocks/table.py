@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -75,6 +75,23 @@ class Table(Static):
         moved = np.where(x == v, -np.take(self._slopes(), k) * height, 0.0)
         turned = self._change(-self._slopes() * np.diff(hat) / np.diff(self.inputs))
         return self._rounded(self._rounded(moved, v, turned, bump), v, -hat * self._bends(), lean)
+
+    def sensitivities(self, v: Floats, names: Sequence[str], out: Floats) -> None:
+        """Write the hats: every v lies on two of them only, unless knees round them."""
+        if self.knee is not None:
+            return super().sensitivities(v, names, out)
+        k, x = self._cell(v)
+        share = (x - np.take(self.inputs, k)) / np.take(np.diff(self.inputs), k)
+        sideways = np.where(x == v, -np.take(self._slopes(), k), 0.0)
+        out[...] = 0.0
+        rows, place = out.reshape(len(names), -1), np.arange(v.size)
+        for head in ("outputs", "inputs"):
+            mine = {int(name.partition(".")[2]): row for row, name in enumerate(names) if name.startswith(head)}
+            row_of = np.array([mine.get(point, -1) for point in range(len(self.inputs))])
+            for point, height in ((k, 1 - share), (k + 1, share)):
+                row = row_of[point].ravel()
+                hit = np.flatnonzero(row >= 0)
+                rows[row[hit], place[hit]] = (height if head == "outputs" else height * sideways).ravel()[hit]
 
     def breakpoints(self) -> Floats:
         """Return the points where the slope changes, or where their knees begin and end."""

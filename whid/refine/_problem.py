@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block, State
+from whid.blocks._stack import stacked
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.fit import Parameter, Triangle
@@ -200,7 +201,7 @@ class Problem:
                 rows = np.empty((len(out.values) - keep, 1)) if keep < len(out.values) else np.empty((0, 1))
             else:
                 out, tangents, state = tree.tangent(u[part], [seed[part] for seed in seeds], self.free.names, state)
-                along = np.array([t.values for t in tangents]).reshape(len(tangents), -1)
+                along = stacked(tangents).values if len(tangents) else np.empty((0, len(out.values)))
                 rows = np.zeros((max(len(out.values) - keep, 0), size + 1))
                 rows[:, : len(self.free.parameters)] = along[len(seeds) :, keep:].T @ change
                 rows[:, levels] = along[: len(seeds), keep:].T
