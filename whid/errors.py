@@ -253,6 +253,21 @@ CATALOGUE: dict[str, Explanation] = {
         "Add `model: {chain: […]}`: its structure counts, its numbers are start values.",
         CONFIG,
     ),
+    "method-nothing-moves": Explanation(
+        "No sine moves the output beyond the noise: every piece of the input nonlinearity that was tried is flat.",
+        "Put sines where the staircase rises, make them larger, or average more periods.",
+        FAILED,
+    ),
+    "method-no-static-curve": Explanation(
+        "Under no sine is the output one static curve of a phase-shifted sine: each of them left its affine piece.",
+        "Make the sines smaller, put them in the middle of a piece, or give a higher `degree`.",
+        FAILED,
+    ),
+    "method-even-curve": Explanation(
+        "The output nonlinearity is even about the middle of every sine, so that phases a quarter turn apart fit alike.",
+        "Move the sine's offset, or make it larger, so that the curve is not symmetric about its middle.",
+        FAILED,
+    ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
         "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",

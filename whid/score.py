@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from whid.blocks.delay import Delay
 from whid.blocks.linear import Linear
 from whid.methods._method import Model
 from whid.quantity import Measured
@@ -24,7 +25,8 @@ def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], 
 
     {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)
     {front|back}.{gain|phase}.error.max   largest error at the frequencies that the sines reached, static gain 1;
-                                     linear.… of front·back, where the model claims no more than that
+                                     linear.… of front·back, where the model claims no more than that, or of what stands
+                                     between two nonlinear blocks
     nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there
     """
     metrics: Metrics = {}
@@ -73,13 +75,33 @@ def linear_gain(system: System, side: str, omega: Floats) -> NDArray[np.complex1
 
 def _split(system: System) -> bool:
     """Tell whether both sides of the nonlinearity are dynamic."""
-    return all(np.ptp(np.abs(linear_gain(system, side, np.array([0.0, 1e-3, 1.0, 1e3])))) > 0 for side in ("front", "back"))
+    return all(_dynamic(system, side) for side in ("front", "back"))
+
+
+def _dynamic(system: System, side: str) -> bool:
+    return bool(np.ptp(np.abs(linear_gain(system, side, np.array([0.0, 1e-3, 1.0, 1e3])))) > 0)
+
+
+def _between(system: System, omega: Floats) -> NDArray[np.complex128]:
+    """Return G(jω)/G(0) of all linear blocks and delays in series."""
+    product, static = np.ones(len(omega), complex), 1.0 + 0j
+    for block in system.series:
+        if isinstance(block, (Linear, Delay)):
+            product = product * block.gain_at(omega)
+            static *= complex(block.gain_at(np.zeros(1))[0])
+    return np.asarray(product / static)
 
 
 def _against(system: System, records: Sequence[Record], truth: System) -> Iterator[tuple[str, float]]:
     sines = [(part.radians(r.dt), part) for r in records for part in r.parts if part.kind == "sine"]  # type: ignore[attr-defined]
     fundamentals = distinct(np.array([w for w, _ in sines]))
     reached = {"front": fundamentals, "back": distinct(np.concatenate([fundamentals, 2 * fundamentals]))}
+    if not _dynamic(truth, "front") and not _dynamic(truth, "back"):  # nonlinear first and last
+        if len(fundamentals):
+            g, h = (_between(s, fundamentals) for s in (system, truth))
+            yield "linear.gain.error.max", float(np.abs(np.abs(g) - np.abs(h)).max())
+            yield "linear.phase.error.max", float(np.abs(np.angle(g / h)).max())
+        reached = {}
     if _split(truth) and not _split(system):  # all dynamics on one side: only their product was claimed
         g, h = (linear_gain(s, "front", fundamentals) * linear_gain(s, "back", fundamentals) for s in (system, truth))
         if len(fundamentals):

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge
+from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block, Free, State, Tangents
 from whid.blocks._split import refined, value_at
@@ -49,6 +50,10 @@ class Delay(Block):
         rates = [lag.read(whole, exact, rate=True) for _ in wrt]
         kept = [lag.kept(p, seed) for p, seed in zip(seeds_past, seeds, strict=True)]
         return Tangents(lag.read(whole, exact), along + rates, (lag.kept(past, signal), kept))
+
+    def gain_at(self, omega: Floats) -> NDArray[np.complex128]:
+        """Return exp(−jω·seconds); omega in rad/s, any shape."""
+        return np.asarray(np.exp(-1j * np.asarray(omega) * self.seconds))
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return the level: it has been there for ever."""
