@@ -1,7 +1,7 @@
 """The oversampled simulator behind the closed-loop test data: its own code, nothing of whid's.
 
-Every signal lives on a grid FACTOR times finer than the record. In every fine step it is a straight line from `start` to `end`:
-held inputs, steps at the samples and continuous signals are all of that kind, and a linear block passes them on exactly.
+Every signal lives on a grid FACTOR times finer than the record. In every fine step it is a straight line from `start` to
+`end`: held inputs, steps at the samples and continuous signals are all of that kind, and a linear block passes them exactly.
 What is left is the curvature within a fine step, O(h²).
 """
 
