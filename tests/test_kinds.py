@@ -14,15 +14,16 @@ from whid.errors import WhidError
 from whid.experiments._part import Part
 from whid.kinds import plain, yaml_key
 from whid.methods._method import Method
+from whid.papers._exhibit import Exhibit
 
 
-@pytest.mark.parametrize("family", [Block, Part, Disturbance, Method])
+@pytest.mark.parametrize("family", [Block, Part, Disturbance, Method, Exhibit])
 def test_kinds_are_the_files_of_the_folder(family):
     folder = Path(whid.blocks.__file__).parents[1] / family.family.partition(".")[2]
     assert set(family.kinds()) == {p.stem for p in folder.glob("*.py") if not p.stem.startswith("_")}
 
 
-@pytest.mark.parametrize("family", [Block, Part, Disturbance, Method])
+@pytest.mark.parametrize("family", [Block, Part, Disturbance, Method, Exhibit])
 def test_every_kind_is_found_by_its_name(family):
     for kind in family.kinds():
         found = family.named(kind)

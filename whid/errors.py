@@ -14,7 +14,7 @@ class Explanation(NamedTuple):
     exit_code: int
 
 
-CONFIG, FAILED = 2, 3
+CONFIG, FAILED, NOT_MEASURED = 2, 3, 5
 
 # One line a code; `whid explain` prints this table, a test holds every raised code against it.
 CATALOGUE: dict[str, Explanation] = {
@@ -217,6 +217,16 @@ CATALOGUE: dict[str, Explanation] = {
         "`whid sweep` was given a study without a `sweep:` section.",
         "Add `sweep: {over: {plant.noise.std: [0.1, 0.2]}, repeats: 10}`, or use `whid run`.",
         CONFIG,
+    ),
+    "table-none": Explanation(
+        "`whid table` was given a study without a `table:` section, or a folder without such a study.",
+        "Add `table: {kind: …}`; `whid kinds papers` lists what there is.",
+        CONFIG,
+    ),
+    "table-expected": Explanation(
+        "`whid table --check` has nothing to compare with, or what it has is no such table.",
+        "Run `whid table CONFIG` and move the `.expected.csv` of its folder beside the config.",
+        NOT_MEASURED,
     ),
     "fit-no-data": Explanation(
         "There is nothing to fit: no record has valid samples for estimation, or the model has no free number.",

@@ -21,7 +21,7 @@ from whid import plots, score, summary
 from whid.config.load import as_system, load_study, resolved
 from whid.config.memory import allow
 from whid.config.refined import refined_study
-from whid.config.study import Published, Study
+from whid.config.study import Study
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files import run_folder
@@ -248,13 +248,14 @@ class _Work:
 
     def result(self, origin: Mapping[str, Any]) -> Result:
         """Return what there is, its bounds checked."""
+        printed = self.study.published
         paths = dict.fromkeys(experiment.path for experiment in self.study.experiment)
         facts = {"seed": self.study.seed, "path": " and ".join(paths) or "measured", "method": self.study.identify.kind}
         return Result(
             name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
             residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
             checks=tuple(Check(b.metric, _value(self.metrics.get(b.metric)), b.below, b.above) for b in self.study.expect),
-            published=_published(self.study.published) if self.study.published else None,
+            published=None if printed is None else tuple((row.quantity, row.value, row.truth) for row in printed),
             warnings=tuple(self.warnings), provenance={**origin, **facts, "notes": tuple(self.notes)},
         )  # fmt: skip
 
@@ -275,10 +276,6 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock, refined: str = "") -
         folder.write("error.json", json.dumps(result.error._asdict(), indent=2))
         clock.log(f"error[{result.error.code}] in {result.error.during}: {result.error.message}")
     return replace(result, path=folder.keep("" if result.error else result.provenance["hash"]))
-
-
-def _published(table: Published) -> tuple[str, tuple[tuple[str, float | None, float | None], ...]]:
-    return table.table, tuple((row.metric, row.truth, row.estimate) for row in table.rows)
 
 
 def _tables(result: Result) -> tuple[Table, ...]:

@@ -69,7 +69,7 @@ class Result:
     stages     every stage's NamedTuple by its snake_case class name, in order; the model is the last
     residuals  y − ŷ of every record (NaN where there is no y), empty without a model
     metrics    numbers by name, `Measured` where they have a standard error
-    published  (title, rows of metric, printed truth, printed estimate): a table of the literature beside ours
+    published  (quantity, printed value, printed truth) of the literature; () compares with a paper's method only, None not
     provenance config text, versions, seed, hashes, notes
     """
 
@@ -83,7 +83,7 @@ class Result:
     asked: tuple[Asked, ...] = ()
     warnings: tuple[str, ...] = ()
     error: Failure | None = None
-    published: tuple[str, tuple[tuple[str, float | None, float | None], ...]] | None = None
+    published: tuple[tuple[str, float | None, float | None], ...] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     tables: tuple[Table, ...] = ()
     pictures: tuple[str, ...] = ()

@@ -63,7 +63,7 @@ def _all(result: Result) -> Iterator[Table]:
         yield _model(result)
     yield _fit(result)
     yield _metrics(result)
-    yield _published(result)
+    yield _compared(result)
     yield _asked(result)
     yield expected(result.checks, tuple(result.metrics))
     if result.warnings:
@@ -80,18 +80,26 @@ def _together(tables: list[Table]) -> Table:
     return Table(tables[0].title, ("no.", *tables[0].columns), rows, tuple(numbered if len(set(notes)) > 1 else notes[:1]))
 
 
-def _published(result: Result) -> Table:
-    """Return a published table beside ours: both as printed, step by step as in the paper, and the efficient estimate."""
+def _compared(result: Result) -> Table:
+    """Return the metrics `paper.<name>` beside `<name>`: the paper's own estimate, the efficient one, and what was printed.
+
+    Printed numbers of which none is a metric of one run (a variance over many) have their place in `whid table` only.
+    """
     if result.published is None:
         return Table("", (), ())
-    title, printed = result.published
-    rows = tuple(
-        (metric, truth, estimate, result.metrics.get(f"stepwise.{metric}"), result.metrics.get(metric, "not observed"))
-        for metric, truth, estimate in printed
-    )
-    columns = ("quantity", "published truth", "published estimate", "ours, as in the paper", "ours, joint")
+    printed = {name: (truth, value) for name, value, truth in result.published}
+    printed = printed if printed.keys() & result.metrics.keys() else {}
+    paper = {name.removeprefix("paper."): value for name, value in result.metrics.items() if name.startswith("paper.")}
+    names = list(dict.fromkeys([*printed, *paper]))
+    rows = [(*printed.get(n, (None, None)), paper.get(n), result.metrics.get(n, "not observed")) for n in names]
+    headings = ("published truth", "published", "paper's method, ours", "efficient, ours")
+    shown = [k for k in range(4) if any(row[k] is not None for row in rows)]
     report = result.stages.get("identifiability")
-    return Table(f"{title}, published and ours", columns, rows, tuple(getattr(report, "not_measured", ())))
+    return Table(
+        "The paper's method and the efficient one", ("quantity", *(headings[k] for k in shown)),
+        tuple((name, *(row[k] for k in shown)) for name, row in zip(names, rows, strict=True)),
+        tuple(getattr(report, "not_measured", ())) if names else ("no stage of this run gives a paper's own estimate",),
+    )  # fmt: skip
 
 
 def _study(result: Result) -> Table:

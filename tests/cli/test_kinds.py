@@ -8,7 +8,8 @@ from whid.cli.kinds import words
 
 def test_every_kind_has_a_line(whid):
     rows = json.loads(whid("kinds", "--json").stdout)[0]["rows"]
-    assert {row["family"] for row in rows} == {"blocks", "disturbances", "experiments", "operations", "methods", "effects"}
+    families = {"blocks", "disturbances", "experiments", "operations", "methods", "effects", "papers"}
+    assert {row["family"] for row in rows} == families
     assert [row["kind"] for row in rows if row["family"] == "blocks"] == list(Block.kinds())
     assert all(row["what it is"] for row in rows)
 

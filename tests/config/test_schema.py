@@ -18,8 +18,9 @@ from whid.experiments._part import Part
 from whid.kinds import yaml_key
 from whid.methods._method import Method
 from whid.operations._operation import Operation
+from whid.papers._exhibit import Exhibit
 
-FAMILIES = (Block, Disturbance, Part, Operation, Method)
+FAMILIES = (Block, Disturbance, Part, Operation, Method, Exhibit)
 KINDS = [base.named(kind) for base in FAMILIES for kind in base.kinds()]
 
 

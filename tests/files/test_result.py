@@ -32,7 +32,7 @@ from whid.system import System
 POLES = System(chain=(Linear(zeros=(), poles=(-1 + 2j, -1 - 2j)),))
 SINE = Sine(offset=1.0, amplitude=0.5, period=100.25, periods=3, start=10, stop=400, use="selection")
 METRICS = {"report.rms": 0.25, "front.gain": Measured(1.0, 0.1), "lost": float("nan")}
-PRINTED = ("Table 1", (("front.gain", 1.0, None), ("back.gain", 0.5, 0.4)))
+PRINTED = (("front.gain", 1.0, None), ("back.gain", 0.5, 0.4))
 UNITS = {"input": "V", "output": "m/s"}
 
 

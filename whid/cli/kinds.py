@@ -1,4 +1,4 @@
-"""List every block, disturbance, experiment part, column operation, method and effect."""
+"""List every block, disturbance, experiment part, column operation, method, effect and table of a paper."""
 
 from __future__ import annotations
 
@@ -44,8 +44,9 @@ def _families() -> tuple[type[Kind], ...]:
     from whid.experiments._part import Part
     from whid.methods._method import Method
     from whid.operations._operation import Operation
+    from whid.papers._exhibit import Exhibit
 
-    return Block, Disturbance, Part, Operation, Method, Effect
+    return Block, Disturbance, Part, Operation, Method, Effect, Exhibit
 
 
 def _family(base: type[Kind]) -> str:

@@ -29,7 +29,7 @@ def refined_study(study: Study, stages: Mapping[str, Any], base: Path) -> str:
         "sampled" if any(experiment.path == "sampled" for experiment in study.experiment) else "exact"
     )
     new = replace(
-        study, name=f"{study.name[:56]}-refined", model=system, trace=None, expect=(), sweep=None, published=None,
+        study, name=f"{study.name[:56]}-refined", model=system, trace=None, expect=(), sweep=None, table=(),
         data=None if study.data is None else _absolute(study.data, base),
         records=tuple(_absolute(source, base) for source in study.records),
         identify=Fit(steps=0, noise="ar" if coloured else "white", path=path),

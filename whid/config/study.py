@@ -11,6 +11,7 @@ from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files.source import DataSource
 from whid.methods._method import Method
+from whid.papers._exhibit import Exhibit, Published
 from whid.system import System
 from whid.trace import Trace
 
@@ -43,23 +44,6 @@ class Bound:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PublishedRow:
-    """One number of a published table: the metric of ours that it compares with, the printed truth and estimate."""
-
-    metric: Annotated[str, MinLen(1)]
-    truth: float | None = None
-    estimate: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Published:
-    """A published table, to print beside ours: {metric: front.gain@0.02, truth: 0.97, estimate: 0.98} a row."""
-
-    table: Annotated[str, MinLen(1)]
-    rows: Annotated[tuple[PublishedRow, ...], MinLen(1)]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Sweep:
     """`over:` maps paths, written as for `--set`, to lists of values; every cell runs `repeats` times.
 
@@ -89,7 +73,8 @@ class Study:
     expect     bounds on metrics; a breach ends the run with exit code 4
     trace      which effects compete when the run is to say what the model lacks; left out: the loop is not closed
     sweep      what `whid sweep` varies
-    published  a table from the literature, printed beside ours
+    table      tables and figures of a paper that `whid table` makes anew; what they say was printed stands beside ours
+    compare_with_paper  print a paper's own estimates beside the efficient ones, with their standard errors
     """
 
     name: Annotated[str, NAME]
@@ -103,7 +88,8 @@ class Study:
     trace: Trace | None = None
     expect: tuple[Bound, ...] = ()
     sweep: Sweep | None = None
-    published: Published | None = None
+    table: tuple[Exhibit, ...] = ()
+    compare_with_paper: bool = False
 
     def __post_init__(self) -> None:
         given = [key for key in ("plant", "data", "records") if getattr(self, key)]
@@ -117,6 +103,12 @@ class Study:
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise WhidError("config-value", f"two records are named {twice!r}: give each a `name:` of its own")
+
+    @property
+    def published(self) -> tuple[Published, ...] | None:
+        """Return what papers printed, () where only their methods are to be compared with, None where nothing is."""
+        printed = tuple(row for exhibit in self.table for row in exhibit.published)
+        return printed or (() if self.compare_with_paper else None)
 
     @property
     def sources(self) -> tuple[DataSource, ...]:

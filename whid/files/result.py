@@ -68,17 +68,13 @@ def read_result(path: Path, tree: Tree) -> Result:
                 error=Failure(*kept["error"]) if kept["error"] else None,
                 tables=tuple(_table(row) for row in kept["tables"]),
                 pictures=tuple(kept["pictures"]),
-                published=_published(kept["published"]),
+                published=None if kept["published"] is None else tuple(map(tuple, kept["published"])),
                 truth=origin.pop("truth", None),
                 provenance=origin,
                 path=path.parent,
             )
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as fault:
         raise WhidError("result-unreadable", f"not a result of whid: {fault}", str(path)) from fault
-
-
-def _published(kept: Any) -> Any:
-    return (kept[0], tuple(map(tuple, kept[1]))) if kept else None
 
 
 def _records(group: h5py.Group, result: Result) -> None:
@@ -162,9 +158,7 @@ def _provenance(group: h5py.Group, result: Result) -> None:
     for name, value in {**result.provenance, "truth": result.truth}.items():
         put(group, name, value, "1", {})
         attach(group, name)
-    kept = {
-        name: getattr(result, name) for name in ("checks", "asked", "warnings", "error", "tables", "pictures", "published")
-    }
+    kept = {name: getattr(result, name) for name in KEPT}
     tables = [table._replace(rows=tuple(tuple(map(_cell, row)) for row in table.rows)) for table in result.tables]
     array(group, "result", json.dumps(kept | {"tables": tables}, default=float), "")
 

@@ -49,15 +49,15 @@ class Stepwise(NamedTuple):
         return Table("Stepwise estimate (as in the paper)", columns, tuple(rows), (blank,) if None in sum(rows, ()) else ())
 
     def metrics(self) -> dict[str, Measured]:
-        """Return every gain by name, `stepwise.front.gain@0.02`."""
+        """Return every gain by name, `paper.front.gain@0.02`."""
         found: dict[str, Measured] = {}
         for e in np.flatnonzero(np.isfinite(self.front_gain)):
             w = self.omega[e]
-            found[f"stepwise.front.gain@{w:.6g}"] = Measured(float(self.front_gain[e]), float(self.front_gain_std[e]))
+            found[f"paper.front.gain@{w:.6g}"] = Measured(float(self.front_gain[e]), float(self.front_gain_std[e]))
         for k, (column, errors) in enumerate(zip(self.back_gain.T, self.back_gain_std.T, strict=True), 1):
             for w, g, s in zip(self.omega, column, errors, strict=True):
                 if np.isfinite(g):  # where two sines reach one frequency, the lower harmonic is the better estimate
-                    found.setdefault(f"stepwise.back.gain@{k * w:.6g}", Measured(float(g), float(s)))
+                    found.setdefault(f"paper.back.gain@{k * w:.6g}", Measured(float(g), float(s)))
         return found
 
 
