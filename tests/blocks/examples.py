@@ -11,6 +11,7 @@ from whid.blocks.coulomb import Coulomb
 from whid.blocks.dead_zone import DeadZone
 from whid.blocks.delay import Delay
 from whid.blocks.feedback import Feedback
+from whid.blocks.kinked import Kinked
 from whid.blocks.linear import Linear
 from whid.blocks.oversampled import Oversampled
 from whid.blocks.parallel import Parallel
@@ -56,6 +57,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
             solve="algebraic",
         ),
     ),
+    "kinked": (Kinked(coefficients=(0.1, 1.0), breaks=(-0.4, 0.5), kinks=((-0.7,), (0.6, -0.2))),),
     "linear": (
         LAG,
         RESONANT,

@@ -7,6 +7,7 @@ from tests.blocks.examples import EXAMPLES
 from whid.blocks._static import Static
 from whid.blocks.coulomb import Coulomb
 from whid.blocks.dead_zone import DeadZone
+from whid.blocks.kinked import Kinked
 from whid.blocks.piecewise import Piecewise
 from whid.blocks.polynomial import Polynomial
 from whid.blocks.preload import Preload
@@ -33,6 +34,10 @@ STATIC = [b for blocks in EXAMPLES.values() for b in blocks if isinstance(b, Sta
         (Piecewise(breaks=(0.0,), pieces=((1.0, 1.0), (0.0, 0.0, 2.0))), np.where(V < 0, 1 + V, 2 * V**2)),
         (Table(inputs=(-2.0, 0.0, 1.0), outputs=(0.0, 1.0, 4.0), beyond="hold"), np.interp(V, [-2, 0, 1], [0, 1, 4])),
         (Table(inputs=(-2.0, 0.0, 1.0), outputs=(0.0, 1.0, 4.0)), np.where(V > 0, 1 + 3 * V, 1 + V / 2)),
+        (
+            Kinked(coefficients=(1.0, 0.5), breaks=(-1.0, 0.0), kinks=((1.0,), (0.0, 2.0))),
+            1 + V / 2 + np.where(V > -1, V + 1, 0) + np.where(V > 0, 2 * V**2, 0),
+        ),
         (Quantizer(step_=0.25), np.round(V / 0.25) * 0.25),
         (Quantizer(step_=0.25, mode="floor"), (V - V % 0.25)),
     ],
@@ -95,6 +100,8 @@ def test_a_relay_switches_at_the_moment_it_is_crossed():
         lambda: Table(inputs=(0.0, 1.0), outputs=(1.0,)),
         lambda: Piecewise(breaks=(1.0, 0.0), pieces=((0.0,), (0.0,), (0.0,))),
         lambda: Piecewise(breaks=(1.0,), pieces=((0.0,),)),
+        lambda: Kinked(coefficients=(0.0,), breaks=(1.0, 0.0), kinks=((1.0,), (1.0,))),
+        lambda: Kinked(coefficients=(0.0,), breaks=(1.0,), kinks=((1.0,), (1.0,))),
     ],
 )
 def test_impossible_blocks_are_refused(make):

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from whid.blocks.chain import Chain
+from whid.blocks.dead_zone import DeadZone
+from whid.blocks.kinked import Kinked
 from whid.blocks.linear import Linear
+from whid.blocks.polynomial import Polynomial
 from whid.blocks.saturation import Saturation
 from whid.blocks.spline import Spline
+from whid.blocks.table import Table
 from whid.blocks.tone import Tone
 from whid.errors import WhidError
 from whid.experiments.multisine import Multisine
@@ -126,6 +130,105 @@ def test_no_tone_is_claimed_in_noise():
     found, _ = record((FRONT, SOFT), seed=3)
     stages, _ = identify(found, orders=(2, 0))
     assert not stages["Interference"].found
+
+
+SINE = Spline(inputs=(-4.0, -2.0, 0.0, 2.0, 4.0), outputs=(-1.3, -1.1, 0.0, 1.1, 1.3))
+THIRD = Linear(num=(2.0, 4.0), den=(1.0, 2.2, 5.2, 4.0))
+BETWEEN = {  # curve, filter, curve; straight where few samples go
+    "soft-sine": (SOFT, FRONT, SINE),
+    "clip-sine": (Saturation(low=-1.0, high=0.8, knee=0.3), FRONT, SINE),
+    "dead-clip": (DeadZone(low=-0.4, high=0.5, knee=0.3), THIRD, Saturation(low=-0.5, high=0.7, knee=0.4)),
+    "square-bend": (
+        Polynomial(coefficients=(0.0, 0.5, 0.5)),
+        FRONT,
+        Spline(inputs=(-2.0, 0.0, 1.0, 3.0, 8.0), outputs=(-2.0, 0.0, 0.8, 1.2, 1.5)),
+    ),
+}
+
+
+def test_a_filter_between_two_curves():
+    found, std = record(BETWEEN["clip-sine"], "discrete")
+    stages, error = identify(found, structure="hammerstein_wiener", orders=(2,))
+    print(f"report rms over noise {error / std:.4f}")
+    assert within(error, std)
+    f, h, g = stages["Model"].system.series
+    assert [f.kind, h.kind, g.kind] == ["spline", "linear", "spline"]
+    assert f.value(np.zeros(1))[0] == pytest.approx(0.0, abs=1e-9)
+    estimate = stages["Model"].estimate
+    assert np.sum(estimate.std[: len(f.outputs)] == 0) == 2  # the gauge: two of f's points are held
+    assert np.all(estimate.std[len(f.outputs) :] > 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50_000, 50_003))
+@pytest.mark.parametrize(
+    ("chain", "kind"),
+    [(chain, "hammerstein-wiener") for chain in BETWEEN.values()]
+    + [((FRONT, SOFT, BACK), "wiener-hammerstein"), ((FRONT, SOFT), "wiener"), ((SOFT, THIRD), "hammerstein")],
+    ids=[*BETWEEN, "wh", "w", "h"],
+)
+def test_the_structure_is_found(chain, kind, seed):
+    found, std = record(chain, seed=seed)
+    stages, error = identify(found)
+    compared, names = stages["Structures"], [block.kind for block in stages["Model"].system.series]
+    print(f"report rms over noise {error / std:.4f}", names, compared.structure, np.round(compared.rms / std, 3))
+    assert within(error, std, 1.05)
+    assert compared.structure[compared.chosen].startswith(kind + ",")
+
+
+@pytest.mark.parametrize(
+    ("curve", "form", "kinds"),
+    [
+        (Saturation(low=-0.8, high=0.5, slope=0.9, knee=0.4), Nonlinearity(kind="saturation"), ["saturation", "polynomial"]),
+        (DeadZone(low=-0.4, high=0.7, slope=1.2, knee=0.3), Nonlinearity(kind="dead_zone"), ["dead_zone", "polynomial"]),
+        (
+            Kinked(coefficients=(0.1, 1.0, 0.05), breaks=(0.3,), kinks=((-0.6, 0.1),)),
+            Nonlinearity(kind="piecewise", knots=1),
+            ["kinked"],
+        ),
+        (
+            Table(inputs=(-4.0, -0.5, 0.8, 4.0), outputs=(-3.0, -0.7, 0.4, 1.0), knee=0.4),
+            Nonlinearity(kind="hinges", knots=4, soft=True),
+            ["table"],
+        ),
+    ],
+    ids=lambda item: getattr(item, "kind", None) if not isinstance(item, list) else "",
+)
+def test_forms_of_the_curve(curve, form, kinds):
+    """Down to the noise, and corners, kinks and knees where they are: within five standard errors."""
+    found, std = record((FRONT, curve, BACK), "discrete", seed=2)
+    stages, error = identify(found, orders=(2, 2), nonlinearity=form)
+    print(f"report rms over noise {error / std:.4f}")
+    assert within(error, std)
+    fitted = [block for block in stages["Model"].system.series if block.kind != "linear"]
+    assert [block.kind for block in fitted] == kinds
+    estimate = stages["Model"].estimate
+    for name in ("low", "high", "knee", "breaks.0", "inputs.1", "inputs.2"):
+        true = {p.name: p.value for p in curve.parameters()}.get(name)
+        if true is not None:
+            place = estimate.names.index(f"chain.1.{name}")
+            assert abs(estimate.values[place] - true) < 5 * estimate.std[place], name
+
+
+def test_selection_parts_judge_between_structures():
+    found, std = record((FRONT, SOFT))
+    parts = (NoiseBand(start=0, stop=8000), NoiseBand(start=8000, stop=REPORT, use="selection"), found.parts[1])
+    stages, error = identify(Record(**{**vars(found), "parts": parts}), orders=(2,))
+    compared = stages["Structures"]
+    assert np.isfinite(compared.selection).all()
+    assert compared.structure[compared.chosen] == "wiener, 2 · f"
+    assert {name.partition(",")[0] for name in compared.structure} >= {"wiener", "hammerstein-wiener"}
+    assert within(error, std)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: Parametric(structure="hammerstein_wiener", orders=(2, 2)), lambda: Nonlinearity(kind="spline", knots=2)],
+)
+def test_impossible_options_are_refused(make):
+    with pytest.raises(WhidError) as fault:
+        make()
+    assert fault.value.code == "block-parameters"
 
 
 def test_hinges_with_free_knots():

@@ -5,12 +5,14 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from whid.blocks.polynomial import Polynomial
+from whid.blocks.saturation import Saturation
 from whid.blocks.spline import Spline
 from whid.blocks.table import Table
 from whid.stages._cascade import Cascade, Filter, filtered, from_delta, monic_rates
 from whid.stages.allocation import allocation
 from whid.stages.between_samples import between_samples
-from whid.stages.cascade_fit import Window, by_bend, cascade_fit, errors, evenly, reached, rms_error
+from whid.stages.cascade_fit import Window, cascade_fit, errors, knotted, reached, rms_error
 
 FRONT_ROOTS = (np.array([-0.3 + 0j]), np.array([0.7 + 0.3j, 0.7 - 0.3j]))
 BACK_ROOTS = (np.array([0.1 + 0.9j, 0.1 - 0.9j]), np.array([0.6 + 0.5j, 0.6 - 0.5j, 0.5]))
@@ -18,7 +20,7 @@ FRONT, BACK = Filter.of_roots(*FRONT_ROOTS), Filter.of_roots(*BACK_ROOTS)
 KNOTS = np.array([-3.0, -1.5, -0.5, 0.2, 1.0, 2.5])
 HEIGHTS = np.array([-2.2, -1.4, -0.5, 0.2, 0.7, 0.8])
 CURVE = Spline(inputs=tuple(KNOTS), outputs=tuple(HEIGHTS))
-TRUE = Cascade(FRONT, CURVE, BACK)
+TRUE = Cascade((FRONT, CURVE, BACK))
 
 
 def noise(samples, seed):
@@ -62,9 +64,18 @@ def test_delta_is_its_own_inverse_and_the_block_the_same_filter():
     np.testing.assert_allclose(block(x, 0.1, "discrete"), ours, atol=1e-12)
 
 
-@pytest.mark.parametrize("curve", [CURVE, Table(inputs=tuple(KNOTS), outputs=tuple(HEIGHTS))])
-def test_tangents_are_finite_differences(curve):
-    cascade = TRUE._replace(curve=curve)
+@pytest.mark.parametrize(
+    "parts",
+    [
+        (FRONT, CURVE, BACK),
+        (FRONT, Table(inputs=tuple(KNOTS), outputs=tuple(HEIGHTS)), BACK),
+        (CURVE, BACK, Table(inputs=(-1.0, 0.1, 1.0), outputs=(-0.5, 0.0, 1.0), knee=0.3)),
+        (FRONT, Saturation(low=-0.5, high=0.4, knee=0.2, fix=("slope",)), Polynomial(coefficients=(0.1, 2.0)), BACK),
+    ],
+    ids=["filter-curve-filter", "hinges", "curve-filter-curve", "saturation"],
+)
+def test_tangents_are_finite_differences(parts):
+    cascade = Cascade(parts)
     u, theta = noise(200, 5), cascade.values
     y, rates = cascade.tangents(u)
     np.testing.assert_allclose(y, cascade.response(u), atol=1e-13)
@@ -114,18 +125,21 @@ def test_windows_count_together():
 
 
 def test_knots_go_where_the_curve_bends():
-    knee = Cascade(FRONT, Table(inputs=(-3.0, 0.0, 0.3, 3.0), outputs=(-3.0, 0.0, 0.15, 0.2)), BACK)
-    placed = np.array(by_bend(evenly(knee, (-3.0, 3.0), 40), (-3.0, 3.0), 12).curve.inputs)
+    knee = Cascade((FRONT, Table(inputs=(-3.0, 0.0, 0.3, 3.0), outputs=(-3.0, 0.0, 0.15, 0.2)), BACK))
+    u = np.linspace(-3.0, 3.0, 50)
+    still = Cascade((knee.parts[1],))  # a curve alone: the levels that arrive are the input's
+    placed = np.array(knotted([Window(u, u, u < 9)], still, 12).curves[0].inputs)
+    np.testing.assert_allclose(placed[[0, -1]], [-3.0, 3.0])
     assert np.sum((placed > -0.4) & (placed < 0.7)) >= 5
 
 
 def test_hinges_find_a_knee_between_their_knots():
     u = noise(8000, 8)
-    true = Cascade(FRONT, Table(inputs=(-4.0, 0.37, 4.0), outputs=(-4.0, 0.37, 1.0)), BACK)
+    true = Cascade((FRONT, Table(inputs=(-4.0, 0.37, 4.0), outputs=(-4.0, 0.37, 1.0)), BACK))
     w = Window(u, true.response(u) + 1e-3 * noise(8000, 9), np.arange(8000) >= 50)
-    start = true._replace(curve=Table(inputs=(-4.0, 0.0, 4.0), outputs=(-4.0, 0.1, 1.0)))
+    start = Cascade((FRONT, Table(inputs=(-4.0, 0.0, 4.0), outputs=(-4.0, 0.1, 1.0)), BACK))
     found, _ = cascade_fit([w], start, max_iterations=60)
-    assert found.curve.inputs[1] == pytest.approx(0.37, abs=0.005)
+    assert found.curves[0].inputs[1] == pytest.approx(0.37, abs=0.005)
     assert rms_error([w], found) == pytest.approx(1e-3, rel=0.05)
 
 
@@ -137,7 +151,7 @@ def test_a_model_at_the_record_rate_predicts_its_own_aliasing():
     spectrum = np.fft.rfft(noise(samples, 10))
     spectrum[int(0.4 * samples) :] = 0
     fine = np.fft.irfft(spectrum, samples * factor) * factor
-    v = Cascade(front, CURVE, back).inner(fine)
+    v = front.through(fine)
     curve = Table(inputs=(-1.0, 0.0, 1.0), outputs=(-1.0, 0.0, 0.0))
     y = filtered(back.num_z, back.den_z, curve.value(v / v.std()))[::factor]
     turn = np.linspace(0.01, 2.4, 200)
@@ -146,11 +160,11 @@ def test_a_model_at_the_record_rate_predicts_its_own_aliasing():
     slow = matched(front.at(turn / factor), turn, 4, 4), matched(back.at(turn / factor), turn, 4, 4)
     scaled = Table(inputs=tuple(float(v.std()) * x for x in (-1.0, 0.0, 1.0)), outputs=curve.outputs)
     w = Window(fine[::factor], y + 1e-4 * noise(samples, 11), np.arange(samples) >= 200)
-    cascade, _ = cascade_fit([w], Cascade(slow[0], scaled, slow[1]))
+    cascade, _ = cascade_fit([w], Cascade((slow[0], scaled, slow[1])))
     found = between_samples(w, cascade, 1.0)
     assert found.present
     assert found.coefficient == pytest.approx(1.0, abs=0.35)
-    straight = cascade._replace(curve=Table(inputs=(-1.0, 1.0), outputs=(-1.0, 1.0)))
+    straight = Cascade((cascade.parts[0], Table(inputs=(-1.0, 1.0), outputs=(-1.0, 1.0)), cascade.parts[2]))
     linear = w._replace(y=straight.response(w.u) + 1e-4 * noise(samples, 12))
     assert not between_samples(linear, straight, 1.0).present
-    assert reached([w], cascade)[0] < -1
+    assert reached([w], cascade)[0][0] < -1

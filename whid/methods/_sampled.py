@@ -20,7 +20,7 @@ def from_cascade(cascade: Cascade, estimate: Estimate, factor: int, dt: float, m
     blocks: list[Block] = []
     names: list[str] = []
     jacobian, at = [], 0
-    for part in cascade:
+    for part in cascade.parts:
         inside = f"chain.{len(blocks)}." if factor == 1 else f"chain.0.chain.{len(blocks)}."
         own, rates, count = _filter(part, dt / factor) if isinstance(part, Filter) else _curve(part)
         if own is not None:
@@ -34,10 +34,12 @@ def from_cascade(cascade: Cascade, estimate: Estimate, factor: int, dt: float, m
     for column, part_rates in jacobian:
         whole[row : row + len(part_rates), column : column + part_rates.shape[1]] = part_rates
         row += len(part_rates)
-    covariance = whole @ estimate.covariance @ whole.T
+    whole = whole[:, cascade.free]
+    covariance, lost = whole @ estimate.covariance @ whole.T, estimate.null_directions @ whole.T
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     mapped = estimate._replace(
         names=tuple(names), values=np.array([values[name] for name in names]), covariance=covariance,
-        std=np.sqrt(np.maximum(np.diag(covariance), 0.0)), null_directions=np.empty((0, len(names))),
+        std=np.where(np.abs(lost).max(axis=0, initial=0.0) > 1e-6, np.inf, std), null_directions=lost,
     )  # fmt: skip
     return Model(_tree(blocks, factor), mapped, "unit_dc", missing)
 

@@ -14,12 +14,27 @@ Complexes = NDArray[np.complex128]
 
 
 def linear_blocks(system: Any, side: str) -> list[int]:
-    """Return the places in the chain of the linear blocks in front of or behind the nonlinear ones; [] without those."""
+    """Return the places in the chain of the linear blocks front of, back from or between the nonlinear ones.
+
+    side: front, between or back. A system without nonlinear blocks is all front.
+    """
     linear = [hasattr(block, "gain_at") for block in system.series]
     if all(linear):
         return list(range(len(linear))) if side == "front" else []
     first, last = linear.index(False), len(linear) - 1 - linear[::-1].index(False)
-    return list(range(first)) if side == "front" else list(range(last + 1, len(linear)))
+    places = {"front": range(first), "between": range(first, last), "back": range(last + 1, len(linear))}[side]
+    return [k for k in places if linear[k]]
+
+
+def static_groups(system: Any) -> list[list[Any]]:
+    """Return the static blocks in order, those without a block between them together."""
+    groups: list[list[Any]] = [[]]
+    for block in system.series:
+        if hasattr(block, "sensitivity"):
+            groups[-1].append(block)
+        elif groups[-1]:
+            groups.append([])
+    return [group for group in groups if group]
 
 
 def gain(system: Any, places: list[int], omega: Floats) -> Complexes:
@@ -54,10 +69,14 @@ def gain_and_band(model: Any, places: list[int], omega: Floats) -> tuple[Complex
 
 
 def _slopes(function: Callable[[Floats], Complexes], at: Floats, std: Floats) -> Complexes:
-    """Return the derivatives (p, ω) by central differences over a hundredth of a standard error."""
-    steps = np.where(std > 0, 0.01 * std, 1e-6 * np.maximum(np.abs(at), 1e-6))
-    shifts = np.diag(steps)
-    return np.array([(function(at + d) - function(at - d)) / (2 * h) for d, h in zip(shifts, steps, strict=True)])
+    """Return the derivatives (p, ω) by five-point differences: one number alone turns slow poles far within its error."""
+    steps = np.where(std > 0, 1e-3 * std, 1e-6 * np.maximum(np.abs(at), 1e-6))
+    return np.array(
+        [
+            (8 * (function(at + d) - function(at - d)) - (function(at + 2 * d) - function(at - 2 * d))) / (12 * h)
+            for d, h in zip(np.diag(steps), steps, strict=True)
+        ]
+    )
 
 
 def jump_levels(system: Any) -> Floats:

@@ -1,4 +1,4 @@
-"""Gain and phase of the linear blocks in front of and behind the nonlinearity, with bands and measured points."""
+"""Gain and phase of the linear blocks in front of, between and behind the nonlinear ones, with bands and measured points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POINTS = "joint"  # the stage with the responses at the measured frequencies
 def draw(run: Any, figure: Figure) -> None:
     """Draw a column a side that has linear blocks: gain and phase, below each what differs from the model."""
     model = run.stages["model"]
-    sides = [side for side in ("front", "back") if linear_blocks(model.system, side)]
+    sides = [side for side in ("front", "between", "back") if linear_blocks(model.system, side)]
     if not sides:
         figure.text(0.5, 0.5, "the model has no linear block", ha="center")
         return
@@ -26,7 +26,7 @@ def draw(run: Any, figure: Figure) -> None:
     axes = figure.subplots(4, len(sides), sharex="col", squeeze=False, height_ratios=(2.2, 1, 2.2, 1))
     for column, side in zip(axes.T, sides, strict=True):
         _side(column, run, side)
-        column[0].set_title(f"{side.capitalize()} block")
+        column[0].set_title("Block between" if side == "between" else f"{side.capitalize()} block")
         column[-1].set_xlabel("frequency, rad/s")
     for ax, text in zip(axes[:, 0], ("gain / static gain", "Δ gain, %", "phase, °", "Δ phase, °"), strict=True):
         ax.set_ylabel(text)
@@ -54,8 +54,19 @@ def _side(axes: Any, run: Any, side: str) -> None:
         _zoom(ax, omega, scale * band, points)
     axes[0].set_xscale("log")
     axes[0].set_yscale("log")
+    shown, turned = np.abs(response), np.degrees(np.unwrap(np.angle(response)))
+    _within(axes[0], shown.min() / 3, shown.max() * 3)
+    _within(axes[2], turned.min() - 60, turned.max() + 60)
+    _within(axes[1], -100, 100)
+    _within(axes[3], -90, 90)
     for axis in (axes[0].xaxis, axes[0].yaxis):
         log_ticks(axis)
+
+
+def _within(axes: Axes, low: float, high: float) -> None:
+    """Cut an axis to where there is something to see: the band of what is not determined at all has no end."""
+    now = axes.get_ylim()
+    axes.set_ylim(max(now[0], low), min(now[1], high))
 
 
 def _pair(axes: Any, omega: Floats, value: Floats, std: Floats, relative: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Filter, static curve, filter on samples: response and tangents at the cost of a few filter passes.
+"""Filters and static curves on samples: response and tangents at the cost of a few filter passes.
 
 Filters are written in δ = 1 − z⁻¹, H = (1 + n₁δ + n₂δ² + …)/(1 + d₁δ + d₂δ² + …): their static gain is 1, so no gain can
 wander between the blocks, and the coefficients of slow poles are of one size. In powers of z⁻¹ the same descent needs ten
@@ -7,6 +7,7 @@ times the iterations.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +60,10 @@ class Filter(NamedTuple):
         """Tell whether all poles lie inside the unit circle."""
         return bool(np.all(np.abs(np.roots(self.den_z)) < 1 - 1e-9))
 
+    def through(self, x: Floats) -> Floats:
+        """Filter rows that have been at their first value for ever."""
+        return filtered(self.num_z, self.den_z, x)
+
     def at(self, omega_dt: Floats) -> NDArray[np.complex128]:
         """Return the response at frequencies times the sampling time."""
         back = np.exp(-1j * omega_dt)
@@ -75,52 +80,86 @@ class Filter(NamedTuple):
 
 
 class Cascade(NamedTuple):
-    """Filter, static curve, filter."""
+    """Filters and static curves one after the other: filter, curve, filter, or curve, filter, curve, or fewer.
 
-    front: Filter
-    curve: Static
-    back: Filter
+    held: places in `values` that a fit leaves alone (what a gauge fixes).
+    """
+
+    parts: tuple[Filter | Static, ...]
+    held: tuple[int, ...] = ()
 
     @property
     def values(self) -> Floats:
-        """Return all numbers: front's n, d, the curve's in the order of its parameters, back's n, d."""
-        return np.concatenate([*self.front, [p.value for p in self.curve.parameters()], *self.back])
+        """Return all numbers, part by part: a filter's n, d, a curve's in the order of its parameters."""
+        return np.concatenate([np.concatenate(p) if isinstance(p, Filter) else _numbers(p) for p in self.parts])
+
+    def places(self) -> Iterator[tuple[Filter | Static, slice]]:
+        """Yield every part with where its numbers stand in `values`."""
+        at = 0
+        for part in self.parts:
+            count = len(part.num) + len(part.den) if isinstance(part, Filter) else len(part.parameters())
+            yield part, slice(at, at + count)
+            at += count
 
     def replaced(self, values: Floats) -> Cascade:
         """Return the cascade with other numbers."""
-        names = [p.name for p in self.curve.parameters()]
-        sizes = [len(self.front.num), len(self.front.den), len(names), len(self.back.num)]
-        a, b, c, d, e = np.split(values, np.cumsum(sizes))
-        curve = self.curve.with_parameters(dict(zip(names, map(float, c), strict=True)))
-        return Cascade(Filter(a, b), curve, Filter(d, e))
+        return self._replace(parts=tuple(_replaced(part, values[at]) for part, at in self.places()))
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Return which of the values a fit may change."""
+        return ~np.isin(np.arange(len(self.values)), self.held)
 
     @property
     def stable(self) -> bool:
-        """Tell whether both filters are."""
-        return self.front.stable and self.back.stable
+        """Tell whether all filters are."""
+        return all(part.stable for part in self.parts if isinstance(part, Filter))
 
-    def inner(self, u: Floats) -> Floats:
-        """Return what arrives at the curve."""
-        return filtered(self.front.num_z, self.front.den_z, u)
+    @property
+    def curves(self) -> tuple[Static, ...]:
+        """Return the curves in order."""
+        return tuple(part for part in self.parts if isinstance(part, Static))
+
+    def arriving(self, u: Floats) -> Iterator[tuple[Filter | Static, Floats]]:
+        """Yield every part with what arrives at it."""
+        x = u
+        for part in self.parts:
+            yield part, x
+            x = part.through(x) if isinstance(part, Filter) else part.value(x)
 
     def response(self, u: Floats) -> Floats:
-        """Return the output, both filters steady at the first input."""
-        return filtered(self.back.num_z, self.back.den_z, self.curve.value(self.inner(u)))
+        """Return the output, all filters steady at the first input."""
+        x = u
+        for part in self.parts:
+            x = part.through(x) if isinstance(part, Filter) else part.value(x)
+        return x
 
     def tangents(self, u: Floats) -> tuple[Floats, Floats]:
         """Return the output (N,) and its derivatives with respect to `values` (p, N).
 
-        ∂v/∂nₖ = δᵏu/D, ∂v/∂dₖ = −δᵏv/D; then through f′ and back; back's own likewise from w and y.
+        Those of the parts before go through the next: a filter filters them, a curve takes them by its slope. A part's own:
+        ∂y/∂nₖ = δᵏu/D, ∂y/∂dₖ = −δᵏy/D of a filter, the sensitivities of a curve.
         """
-        one = np.ones(1)
-        v = self.inner(u)
-        front = _rates(self.front, u, v)
-        w, slope = _value_and_slope(self.curve, v)
-        rows = np.vstack([slope * front, _sensitivities(self.curve, v)])
-        num, den = self.back.num_z, self.back.den_z
-        y = filtered(num, den, w)
-        through = filtered(num, den, rows) if len(num) + len(den) > 2 else rows * (num / den * one)
-        return y, np.vstack([through, _rates(self.back, w, y)])
+        x, rows = u, np.empty((0, len(u)))
+        for part in self.parts:
+            if isinstance(part, Filter):
+                y = part.through(x)
+                rows = np.vstack([part.through(rows) if len(rows) else rows, _rates(part, x, y)])
+            else:
+                y, slope = _value_and_slope(part, x)
+                rows = np.vstack([slope * rows, _sensitivities(part, x)])
+            x = y
+        return x, rows
+
+
+def _numbers(curve: Static) -> list[float]:
+    return [p.value for p in curve.parameters()]
+
+
+def _replaced(part: Filter | Static, values: Floats) -> Filter | Static:
+    if isinstance(part, Filter):
+        return Filter(*np.split(values, [len(part.num)]))
+    return part.with_parameters(dict(zip((p.name for p in part.parameters()), map(float, values), strict=True)))
 
 
 def _rates(h: Filter, u: Floats, y: Floats) -> Floats:

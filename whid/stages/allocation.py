@@ -54,18 +54,21 @@ def allocation(
     use: NDArray[np.bool_],
     roots: Iterable[tuple[Complexes, Complexes]],
     orders: tuple[int, int] | None = None,
+    both: bool = False,
     keep: int = 4,
     hinges: int = 8,
 ) -> Allocation:
     """Score every split by linear least squares: y on hinge functions of front's output, each passed through back.
 
     u, y (N,); use (N,) where y counts; roots (zeros, poles) to share, complex pairs stay together; orders: poles in front
-    and behind, left out: any. A block has no more zeros than poles, but for one without poles. Raises
-    `WhidError("stage-no-split")` where the poles cannot be shared so.
+    and behind, left out: any; both: neither side empty. A block has no more zeros than poles, but for one without poles.
+    Raises `WhidError("stage-no-split")` where the poles cannot be shared so.
     """
     found: list[tuple[int, int, Split]] = []
     for zeros, poles in roots:
         for (front_z, front_p), (back_z, back_p) in _shared(zeros, poles, orders):
+            if both and not (len(front_p) and len(back_p)):
+                continue
             front, back = Filter.of_roots(front_z, front_p), Filter.of_roots(back_z, back_p)
             if np.all(np.isfinite(np.concatenate([*front, *back]))):  # a zero at frequency zero leaves no static gain
                 found.append((len(front_p), len(front_z), _scored(u, y, use, front, back, hinges)))

@@ -9,10 +9,11 @@ import numpy as np
 from whid.blocks.oversampled import NODES, finer
 from whid.quantity import Measured, Quantity, Table
 from whid.signal import Floats, held
-from whid.stages._cascade import Cascade, filtered
+from whid.stages._cascade import Cascade, Filter
 from whid.stages.cascade_fit import Window
 
 SURE = 5.0  # standard errors
+FINER = 4  # times the cascade's rate: what stands for between its samples
 
 
 class BetweenSamples(NamedTuple):
@@ -38,16 +39,21 @@ class BetweenSamples(NamedTuple):
 
 
 def between_samples(window: Window, cascade: Cascade, dt: float) -> BetweenSamples:
-    """Predict the aliasing of a cascade at the record's rate and look for it in the residual.
+    """Predict the aliasing of a cascade at its own rate and look for it in the residual.
 
-    a = back(f(v) − ⌊f(v↑)⌋), v↑ at four times the rate, ⌊·⌋ without what lies above half the sampling rate;
-    y − ŷ = −c·a + e. Harmonics of an analogue plant do not fold back: c = 1. Present: c is within ½ of 1 and five standard
-    errors from 0. window at the record's rate.
+    At each curve a = f(v) − ⌊f(v↑)⌋, v↑ at four times the rate, ⌊·⌋ without what lies above half the cascade's rate; all of
+    them through what comes behind: y − ŷ = −c·a + e. Harmonics of an analogue plant do not fold back: c = 1. Present: c is
+    within ½ of 1 and five standard errors from 0. dt of the record; the window's input is at `factor` times its rate.
     """
-    v = cascade.inner(window.u)
-    fine = cascade.curve.value(finer(held(v, dt, "bandlimited", order=NODES), 4).values)
-    term = filtered(cascade.back.num_z, cascade.back.den_z, _thinned(fine, 4) - cascade.curve.value(v))[window.use]
-    left = (window.y - cascade.response(window.u))[window.use]
+    x, term = window.u, np.zeros(len(window.u))
+    for part in cascade.parts:
+        if isinstance(part, Filter):
+            x, term = part.through(x), part.through(term)
+        else:
+            fine = part.value(finer(held(x, dt / window.factor, "bandlimited", order=NODES), FINER).values)
+            x, term = part.value(x), part.derivative(x) * term + _thinned(fine, FINER) - part.value(x)
+    term = term[:: window.factor][window.use]
+    left = (window.y - x[:: window.factor])[window.use]
     power = float(term @ term)
     if power <= 1e-24 * float(left @ left) or not power:
         return BetweenSamples(0.0, float("inf"), 0.0, float(np.std(left)), False)

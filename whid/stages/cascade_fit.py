@@ -1,4 +1,4 @@
-"""Descent of a filter-curve-filter cascade on samples, from few data and few knots to all of both."""
+"""Descent of filters and static curves in series on samples, from few data and few knots to all of both."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from whid.blocks._static import Static
 from whid.blocks.spline import Spline, curvature
-from whid.blocks.table import Table
 from whid.errors import WhidError
 from whid.fit import Estimate, Parameter, Triangle, minimise
 from whid.signal import Floats
-from whid.stages._cascade import Cascade
+from whid.stages import _forms as forms
+from whid.stages._cascade import Cascade, Filter
 
 ROWS = 8192  # rows that are reduced at once: a chunk stays in the cache
 BENT = 30.0  # f″·(range of v)²/(range of f) that a curve is expected to have, root mean square: an arch has 8, a knee 20
-EVEN = 0.5  # knots spread evenly, over those placed by the bend
 
 
 class Window(NamedTuple):
@@ -39,33 +38,37 @@ class Window(NamedTuple):
 def cascade_fit(
     windows: Sequence[Window], start: Cascade, max_iterations: int = 25, tolerance: float = 0.03
 ) -> tuple[Cascade, Estimate]:
-    """Minimise Σ (y − ŷ)² over all numbers of a cascade, with a weak prior on the bend of a spline.
+    """Minimise Σ (y − ŷ)² over all free numbers of a cascade, with a weak prior on the bend of a spline.
 
     Each window starts in the steady state of its first input. The fit stops where no step would be longer than `tolerance`
-    standard errors. The estimate names nothing but the order of `Cascade.values`.
+    standard errors. The estimate names nothing but the order of the free ones of `Cascade.values`.
     """
-    penalty = _penalty(windows, start)
-    curve = slice(at := len(start.front.num) + len(start.front.den), at + penalty.shape[1])
+    penalty, values, keep = _penalty(windows, start), start.values, start.free
+
+    def cascade(theta: Floats) -> Cascade:
+        whole = values.copy()
+        whole[keep] = theta
+        return start.replaced(whole)
 
     def cost(theta: Floats) -> float:
         try:
-            cascade = start.replaced(theta)
+            trial = cascade(theta)
         except WhidError:  # knots that have passed each other
             return float("inf")
-        if not cascade.stable:
+        if not trial.stable:
             return float("inf")
         with np.errstate(all="ignore"):
-            left = sum(float(np.sum(e**2)) for e in errors(windows, cascade))
-        return left + float(np.sum((penalty @ theta[curve]) ** 2))
+            left = sum(float(np.sum(e**2)) for e in errors(windows, trial))
+        return left + float(np.sum((penalty @ trial.values) ** 2))
 
     def linearise(theta: Floats) -> Triangle:
-        return Triangle.stacked(_rows(windows, start.replaced(theta), penalty, curve))
+        return Triangle.stacked(_rows(windows, cascade(theta), penalty)).columns(keep)
 
-    free = [Parameter(str(k), float(value)) for k, value in enumerate(start.values)]
     if not start.stable:
         raise WhidError("block-parameters", "a descent must start from stable filters")
+    free = [p for p, kept in zip(_parameters(start), keep, strict=True) if kept]
     estimate = minimise(cost, linearise, free, known=False, max_iterations=max_iterations, tolerance=tolerance)
-    return start.replaced(estimate.values), estimate
+    return cascade(estimate.values), estimate
 
 
 def errors(windows: Sequence[Window], cascade: Cascade) -> Iterator[Floats]:
@@ -87,43 +90,66 @@ def bic(windows: Sequence[Window], cascade: Cascade) -> float:
     left = list(errors(windows, cascade))
     power, count = max(sum(float(e @ e) for e in left), 1e-300), sum(len(e) for e in left)
     rho = min(max(sum(float(e[1:] @ e[:-1]) for e in left) / power, 0.0), 0.99)
-    return count * float(np.log(power * (1 - rho**2) / count)) + len(cascade.values) * float(np.log(count))
+    return count * float(np.log(power * (1 - rho**2) / count)) + int(cascade.free.sum()) * float(np.log(count))
 
 
-def reached(windows: Sequence[Window], cascade: Cascade) -> tuple[float, float]:
-    """Return the lowest and highest level at the curve."""
-    inner = [cascade.inner(window.u) for window in windows]
-    return min(float(v.min()) for v in inner), max(float(v.max()) for v in inner)
+def reached(windows: Sequence[Window], cascade: Cascade) -> list[tuple[float, float]]:
+    """Return the lowest and highest level at every curve."""
+    levels = [[x for part, x in cascade.arriving(w.u) if isinstance(part, Static)] for w in windows]
+    return [(min(float(x.min()) for x in each), max(float(x.max()) for x in each)) for each in zip(*levels, strict=True)]
 
 
-def evenly(cascade: Cascade, span: tuple[float, float], knots: int) -> Cascade:
-    """Return the cascade with its curve on evenly spaced knots."""
-    return _on(cascade, np.linspace(*span, knots))
+def knotted(windows: Sequence[Window], cascade: Cascade, knots: int, *, by_bend: bool = True) -> Cascade:
+    """Return the cascade with every curve that has knots on that many: where it bends, as dense as |f″|^½, or evenly.
+
+    Between two curves a line may move from one to the other: of the first of them two points are held.
+    """
+    spans, parts = iter(reached(windows, cascade)), list[Filter | Static]()
+    for part in cascade.parts:
+        parts.append(part if isinstance(part, Filter) else forms.on(part, next(spans), knots, by_bend))
+    return gauged(cascade._replace(parts=tuple(parts)))
 
 
-def by_bend(cascade: Cascade, span: tuple[float, float], knots: int) -> Cascade:
-    """Return the cascade with knots where its curve bends: as dense as |f″|^½."""
-    fine = np.linspace(*span, 1000)
-    slope = np.gradient(cascade.curve.value(fine), fine)
-    density = np.sqrt(np.abs(np.gradient(slope, fine)))
-    share = np.cumsum(density + EVEN * max(float(density.mean()), 1e-300))
-    share = (share - share[0]) / (share[-1] - share[0])
-    inputs = np.interp(np.linspace(0, 1, knots), share, fine)
-    return _on(cascade, inputs)
+def gauged(cascade: Cascade) -> Cascade:
+    """Return the cascade with what its fit holds: of a curve in front of a filter and another curve the two points of the
+    knots that lie farthest apart in height, not at the ends, where few samples are.
+
+    f → a·f + b in front of a filter of unit static gain is undone by the next curve.
+    """
+    held: list[int] = []
+    curves = [k for k, part in enumerate(cascade.parts) if isinstance(part, Static)]
+    for k, (part, at) in enumerate(cascade.places()):
+        if isinstance(part, Static) and k + 1 < len(cascade.parts) and k < curves[-1] and k + 1 not in curves:
+            held += [at.start + place for place in forms.pinned(part)]
+    return cascade._replace(held=tuple(held))
 
 
-def curve_through(kind: str, inputs: Floats, outputs: Floats) -> Static:
-    """Return a `spline` (knots held) or `hinges` (a table with free knots) through points."""
-    points, heights = tuple(map(float, inputs)), tuple(map(float, outputs))
-    return Spline(inputs=points, outputs=heights) if kind == "spline" else Table(inputs=points, outputs=heights)
+def rested(cascade: Cascade) -> Cascade:
+    """Return the same cascade with 0 behind its first curve where 0 is in front of it: at rest the filter is at rest.
+
+    Only of curve, filter, curve; what the next curve cannot undo stays as it is.
+    """
+    if [isinstance(part, Filter) for part in cascade.parts] != [False, True, False]:
+        return cascade
+    f, h, g = cascade.parts
+    assert isinstance(f, Static)
+    assert isinstance(g, Static)
+    offset = float(f.value(np.zeros(1))[0])
+    moved = forms.raised(f, -offset), forms.shifted(g, -offset)
+    return cascade if moved[0] is None or moved[1] is None else cascade._replace(parts=(moved[0], h, moved[1]))
 
 
-def _on(cascade: Cascade, inputs: Floats) -> Cascade:
-    kind = "spline" if isinstance(cascade.curve, Spline) else "hinges"
-    return cascade._replace(curve=curve_through(kind, inputs, cascade.curve.value(inputs)))
+def _parameters(cascade: Cascade) -> list[Parameter]:
+    found = []
+    for part, at in cascade.places():
+        own = None if isinstance(part, Filter) else part.parameters()
+        for k, value in enumerate(cascade.values[at]):
+            bounds = (-np.inf, np.inf) if own is None else (own[k].lower, own[k].upper)
+            found.append(Parameter(str(at.start + k), float(value), "1", *bounds))
+    return found
 
 
-def _rows(windows: Sequence[Window], cascade: Cascade, penalty: Floats, curve: slice) -> Iterator[Floats]:
+def _rows(windows: Sequence[Window], cascade: Cascade, penalty: Floats) -> Iterator[Floats]:
     """Yield [J | r], a chunk at a time."""
     for window in windows:
         y, rates = cascade.tangents(window.u)
@@ -132,22 +158,23 @@ def _rows(windows: Sequence[Window], cascade: Cascade, penalty: Floats, curve: s
         both = both[:, window.use]
         for at in range(0, both.shape[1], ROWS):
             yield np.ascontiguousarray(both[:, at : at + ROWS].T)
-    stiff = np.zeros((len(penalty), len(cascade.values) + 1))
-    stiff[:, curve] = penalty
-    stiff[:, -1] = penalty @ cascade.values[curve]
-    if len(stiff):
-        yield stiff
+    if len(penalty):
+        yield np.column_stack([penalty, penalty @ cascade.values])
 
 
 def _penalty(windows: Sequence[Window], start: Cascade) -> Floats:
-    """Return rows P of a prior on a spline: |P·outputs|² = (σ/BENT)² ∫ (f″·(range of v)²/(range of f))² dv/(range of v).
+    """Return rows P of a prior on splines: |P·outputs|² = (σ/BENT)² ∫ (f″·(range of v)²/(range of f))² dv/(range of v).
 
     It weighs as much as one sample or less; where hardly a sample lies it keeps the curve from following the noise.
     """
-    if not isinstance(start.curve, Spline):
-        return np.zeros((0, len(start.curve.parameters())))
-    inputs, span = np.array(start.curve.inputs), float(np.ptp(start.curve.outputs)) or 1.0
-    reach = inputs[-1] - inputs[0]
-    share = (inputs[2:] - inputs[:-2]) / (2 * reach)
-    bend = curvature(start.curve.inputs)[1:-1] * reach**2 / span
-    return np.asarray(rms_error(windows, start) / BENT * np.sqrt(share)[:, None] * bend)
+    rows = [np.zeros((0, len(start.values)))]
+    for part, at in start.places():
+        if isinstance(part, Spline):
+            inputs, span = np.array(part.inputs), float(np.ptp(part.outputs)) or 1.0
+            reach = inputs[-1] - inputs[0]
+            share = (inputs[2:] - inputs[:-2]) / (2 * reach)
+            own = np.zeros((len(share), len(start.values)))
+            own[:, at] = np.sqrt(share)[:, None] * curvature(part.inputs)[1:-1] * reach**2 / span
+            rows.append(own)
+    penalty = np.vstack(rows)
+    return np.asarray(penalty * rms_error(windows, start) / BENT) if len(penalty) else penalty
