@@ -12,6 +12,8 @@ from whid.experiments.sine import Sine
 from whid.experiments.square import Square
 from whid.methods._method import Wanted
 from whid.signal import Floats
+from whid.stages.input_pieces import InputPieces
+from whid.stages.transfer_function import TransferFunction
 
 FEWEST = 16  # samples a period
 
@@ -35,8 +37,14 @@ def periods_of(omega: Floats, dt: float) -> list[int]:
     return sorted({int(p) for p in found if p >= FEWEST}, reverse=True)
 
 
-def square(low: float, high: float, period: int, settle_samples: float, periods: int) -> tuple[Part, ...]:
-    """Return a square wave between two levels."""
-    lead = max(1, int(np.ceil(1.5 * settle_samples / period)))
-    middle, half = (low + high) / 2, abs(high - low) / 2
-    return (Square(offset=middle, amplitude=half, period=period, periods=periods, lead_periods=lead),)
+def squares(pieces: InputPieces, linear: TransferFunction, settle: float, dt: float, periods: int) -> tuple[Part, ...]:
+    """Return a square wave between the middle of the anchor and that of every ambiguous piece, faster than G's corner."""
+    corner = linear.corner()
+    period = max(FEWEST, round(2 * np.pi / (1.5 * corner * dt)))
+    lead = max(1, int(np.ceil(1.5 * settle / dt / period)))
+    anchor = float(pieces.centre[pieces.anchor])
+    others = [float(pieces.centre[k]) for k in pieces.ambiguous]
+    return tuple(
+        Square(offset=(anchor + u) / 2, amplitude=abs(anchor - u) / 2, period=period, periods=periods, lead_periods=lead)
+        for u in others
+    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.polynomial import polynomial as poly
 
 from whid.blocks._block import Block
 from whid.blocks.delay import Delay
@@ -15,7 +14,7 @@ from whid.blocks.polynomial import Polynomial
 from whid.fit import Estimate
 from whid.methods._method import Model
 from whid.signal import Floats
-from whid.stages._affine_fit import Affine, AffineFit, real_roots
+from whid.stages._affine_fit import Affine, AffineFit, real_roots, shifted
 from whid.stages.input_pieces import InputPieces
 from whid.stages.transfer_function import TransferFunction
 from whid.system import System
@@ -85,7 +84,7 @@ def shift_of(fit: AffineFit) -> float | None:
 def _assembled(fit: AffineFit, pieces: InputPieces, linear: TransferFunction) -> tuple[System, list[str], Floats]:
     root = shift_of(fit)
     x0 = root or 0.0
-    f = _shifted(fit.coefficients, x0)
+    f = shifted(fit.coefficients, x0)
     if root is not None:
         f[0] = 0.0
     lines = [fit.pieces[k] for k in range(len(pieces.centre))]
@@ -107,14 +106,6 @@ def _assembled(fit: AffineFit, pieces: InputPieces, linear: TransferFunction) ->
 def _meeting(a: Affine, b: Affine, near: float) -> float:
     rate = b.slope - a.slope
     return a.centre - (b.at(a.centre) - a.value) / rate if rate else near
-
-
-def _shifted(coefficients: Floats, by: float) -> Floats:
-    """Return the coefficients of f(x + by)."""
-    found = np.zeros(1)
-    for c in coefficients[::-1]:
-        found = poly.polyadd(poly.polymul(found, [by, 1.0]), [c])
-    return np.pad(found, (0, len(coefficients)))[: len(coefficients)]
 
 
 def _linear_name(name: str, linear: TransferFunction) -> str:

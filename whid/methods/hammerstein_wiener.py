@@ -13,8 +13,9 @@ from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
 from whid.methods import _piece_plans as plans
+from whid.methods._audit import audit
 from whid.methods._method import Method, Model, Stages, Wanted
-from whid.methods._pieces_model import held_names, model_of
+from whid.methods._pieces_model import held_names, model_of, shift_of
 from whid.methods._sines import Sine, gather
 from whid.quantity import Measured
 from whid.record import Record
@@ -26,14 +27,16 @@ from whid.stages._visits import pooled
 from whid.stages.constant_test import ConstantTest, constant_test
 from whid.stages.input_pieces import Choice, InputPieces, input_pieces
 from whid.stages.levels import StaticCurve, level_means
+from whid.stages.lissajous import lissajous, paper_scale
 from whid.stages.segmentation import Segmentation, segment
 from whid.stages.settle import Settle, settle_time
 from whid.stages.static_test import StaticTest, on_branch, static_test
-from whid.stages.taylor import taylor, told
+from whid.stages.taylor import taylor
 from whid.stages.transfer_function import TransferFunction, transfer_function
 from whid.system import System
 
 Asking = Generator[Any, Record | None, Any]
+Reading = tuple[InputPieces, AffineFit, TransferFunction]
 
 FINE = 1e-3  # of the range: a jump's gap that is not halved any more
 SHARE = 0.9  # of a piece that a sine covers
@@ -105,13 +108,19 @@ class HammersteinWiener(Method):
         here = levels.piece == anchor
         mine = [p for p in probes if p.usable and p.piece == anchor]
         own = tones.of(tones.piece == anchor)
-        series, fit = taylor(Levels(*(each[here] for each in levels)), own, self.degree, [_phases(p.static) for p in mine])
+        clear = sorted((p for p in mine if not p.static.ambiguous), key=lambda p: p.sine.omega)
+        sizes = np.array([abs(p.sine.phasor) for p in clear])
+        yield lissajous(np.array([p.sine.omega for p in clear]), [p.static for p in clear], sizes)
+        series, first = taylor(Levels(*(each[here] for each in levels)), own, self.degree, [_phases(p.static) for p in mine])
         yield series
-        pieces, fit = input_pieces(fit, self._choice(found, probes, levels, tones))
+        known = Choice(levels, tones, found.pieces.degrees == 0, found.pieces.borders)
+        pieces, fit = input_pieces(first, known)
         yield pieces
         linear = self._linear(pieces, fit, bench)
+        if len(pieces.ambiguous):
+            pieces, fit, linear = yield from self._audited(bench, found.seconds, known, first, (pieces, fit, linear))
+        yield paper_scale(fit, pieces.estimate, shift_of(fit) or 0.0)
         yield linear
-        yield told(fit, pieces.estimate)
         staged = model_of(fit, pieces.estimate, pieces, linear)
         yield from self._finished(bench, staged, pieces, linear)
 
@@ -241,9 +250,36 @@ class HammersteinWiener(Method):
             np.array([np.hypot(p.sine.harmonics.value_std[:count], floor) for p in used]), np.array([p.piece for p in used]),
         )  # fmt: skip
 
-    def _choice(self, found: Curve, probes: Sequence[Probe], levels: Levels, tones: Tones) -> Choice:
-        flat = found.pieces.degrees == 0
-        return Choice(levels, tones, flat, found.pieces.borders)
+    def _audited(self, bench: list[Record], settle: float, known: Choice, first: AffineFit, best: Reading) -> Asking:
+        """Let all samples decide between readings of the pieces; ask for square waves where they cannot."""
+        pieces, _, linear = best
+        readings = [best]
+        for j in range(pieces.rivals.shape[1]):
+            other = np.isfinite(pieces.rivals[:, j])
+            value, slope = (np.where(other, r[:, j], own) for r, own in (
+                (pieces.rivals, pieces.value), (pieces.rival_slopes, pieces.slope)
+            ))  # fmt: skip
+            forced = {k: (float(value[k]), float(slope[k])) for k in range(len(value)) if k != pieces.anchor}
+            rival, fit = input_pieces(first, known, forced)
+            readings.append((rival, fit, self._linear(rival, fit, bench)))
+        models = [model_of(fit, p.estimate, p, g) for p, fit, g in readings]
+        values, slopes = (np.array([getattr(p, name) for p, _, _ in readings]) for name in ("value", "slope"))
+        verdict = audit(models, values, slopes, bench)
+        if not verdict.decided:
+            plan = plans.squares(pieces, linear, settle, bench[0].dt, PERIODS)
+            reason = f"which of {len(readings)} readings of {len(plan)} pieces that the levels cannot tell apart"
+            answer = yield Wanted(plan, reason, float(np.nanmin(np.abs(pieces.rivals - pieces.value[:, None]))))
+            if answer is not None:
+                bench.append(answer)
+                verdict = audit(models, values, slopes, bench)
+        yield verdict
+        if not verdict.decided:
+            return best
+        found, fit, linear = readings[verdict.chosen]
+        none = np.empty((len(found.centre), 0))
+        found = found._replace(rivals=none, rival_slopes=none)
+        yield found
+        return found, fit, linear
 
     def _linear(self, pieces: InputPieces, fit: AffineFit, bench: Sequence[Record]) -> TransferFunction:
         m = len(fit.omegas)

@@ -209,6 +209,18 @@ def real_roots(coefficients: NDArray[Any]) -> Floats:
     return np.sort(roots[np.abs(roots.imag) < 1e-9 * (1 + np.abs(roots))].real)
 
 
+def shifted(coefficients: Floats, by: float) -> Floats:
+    """Return the coefficients of f(x + by).
+
+    >>> shifted(np.array([0.0, 0.0, 1.0]), 2.0)
+    array([4., 4., 1.])
+    """
+    found = np.zeros(1)
+    for c in coefficients[::-1]:
+        found = poly.polyadd(poly.polymul(found, [by, 1.0]), [c])
+    return np.pad(found, (0, len(coefficients)))[: len(coefficients)]
+
+
 def _harmonics(period: Floats, highest: int) -> Complexes:
     """Return harmonics 0 … highest of periods sampled along the last axis."""
     spectrum = np.fft.rfft(period)[..., : highest + 1] * 2 / period.shape[-1]

@@ -41,6 +41,14 @@ class TransferFunction(NamedTuple):
         notes += [f"as good within {RIVAL:g}: {'; '.join(self.rivals())}"] if self.rivals() else []
         return Table("Transfer function", ("coefficient of sᵏ", "value"), rows, tuple(notes))
 
+    def corner(self) -> float:
+        """Return the frequency, rad/s, at which |G| first falls below 1/√2; of a pure delay 1/delay."""
+        slow = np.abs(np.roots(self.den)).min(initial=np.inf) if len(self.den) > 1 else 1 / max(self.delay, 1e-12)
+        omega = float(slow) * np.geomspace(0.03, 100.0, 400)
+        gain = np.abs(np.polyval(self.num, 1j * omega) / np.polyval(self.den, 1j * omega))
+        low = np.flatnonzero(gain < np.sqrt(0.5))
+        return float(omega[low[0]]) if len(low) else float(slow)
+
     def rivals(self) -> tuple[str, ...]:
         """Return the structures that BIC cannot tell from the best."""
         order = np.argsort(self.bic)[1:]
