@@ -16,6 +16,7 @@ from whid.quantity import Quantity
 
 Floats = NDArray[np.float64]
 RANK = 1e-10  # of the largest singular value, columns of unit length: what is below counts as zero
+GRAM = 1e-13  # the same of a matrix of products, whose numbers are squares
 IDLE = 4  # steps in a row that gain next to nothing: a cost with edges never meets its own prediction
 WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear", "not fitted"]
 
@@ -74,6 +75,31 @@ def linear_least_squares(design: Floats, data: Floats, weights: Floats | None = 
     chi2 = float(np.sum((b - a @ values) ** 2))
     names = tuple(names) or tuple(str(k) for k in range(design.shape[1]))
     return _estimate(names, values, covariance, rank, null, chi2, len(data), weights is None, 1, "linear")
+
+
+def normal_equations(
+    gram: Floats, products: Floats, square: float, samples: int, names: Sequence[str] = ()
+) -> Estimate:
+    """Minimise Σ (data − design·θ)² that is seen only in sums: what streams over a record of any length.
+
+    gram (p, p) = designᵀdesign, products (p,) = designᵀdata, square = dataᵀdata; σ unknown, from the residual. Squared
+    numbers tell dependent columns apart to 1e-7 only, and what is left of `square` to 1e-16 of it: fit the residual once
+    more where that counts.
+
+    >>> a, b = np.vander([0.0, 1.0, 2.0, 4.0], 2), np.array([1.0, 3.0, 5.0, 8.0])
+    >>> bool(np.allclose(normal_equations(a.T @ a, a.T @ b, b @ b, 4).std, linear_least_squares(a, b).std))
+    True
+    """
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0] = 1.0
+    power, directions = np.linalg.eigh(gram / np.outer(scale, scale))
+    size = np.sqrt(np.where(power > GRAM * power.max(initial=0.0), power, 0.0))
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    projected = inverse * (directions.T @ (products / scale))
+    values, covariance, rank, null = _solve(size[:, None] * directions.T * scale, projected)
+    chi2 = max(0.0, float(square - projected @ projected))
+    names = tuple(names) or tuple(str(k) for k in range(len(gram)))
+    return _estimate(names, values, covariance, rank, null, chi2, samples, True, 1, "linear")
 
 
 def least_squares(

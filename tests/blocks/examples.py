@@ -82,7 +82,11 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Piecewise(breaks=(-0.6, 0.2, 0.9), pieces=((-1.0,), (0.5, 1.0), (0.0, 0.0, 2.0), (1.0, -0.5))),
         Piecewise(breaks=(-0.6, 0.2), pieces=((-0.1,), (0.5, 1.0), (0.68, 0.0, 0.5, 0.1)), knee=0.3),
     ),
-    "polynomial": (Polynomial(coefficients=(0.2, 1.0, -0.3, 0.1)), Polynomial(coefficients=(2.0,))),
+    "polynomial": (
+        Polynomial(coefficients=(0.2, 1.0, -0.3, 0.1)),
+        Polynomial(coefficients=(2.0,)),
+        Polynomial(coefficients=(0.2, 1.0, -0.3, 0.1), basis="chebyshev", domain=(-1.2, 1.5)),
+    ),
     "preload": (Preload(offset=0.4, slope=0.8),),
     "quantizer": (Quantizer(step_=0.37), Quantizer(step_=0.05, mode="floor")),
     "relay": (Relay(low=-0.4, high=0.3, off=-1.0, on=2.0), Relay(low=0.09, high=0.1)),

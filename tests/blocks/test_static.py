@@ -28,6 +28,8 @@ STATIC = [b for blocks in EXAMPLES.values() for b in blocks if isinstance(b, Sta
         (DeadZone(low=-1.0, high=0.5, slope=2.0), np.where(V > 0.5, 2 * (V - 0.5), np.where(V < -1, 2 * (V + 1), 0))),
         (Saturation(low=-1.0, high=0.5, slope=2.0), np.where(V > 0.5, 1.0, np.where(V < -1, -2.0, 2 * V))),
         (Polynomial(coefficients=(1.0, -2.0, 0.0, 0.5)), 1 - 2 * V + 0.5 * V * V * V),
+        (Polynomial(coefficients=(1.0, -2.0, 0.5), basis="chebyshev"), 1 - 2 * V + 0.5 * (2 * V * V - 1)),
+        (Polynomial(coefficients=(0.0, 0.0, 0.0, 1.0), basis="chebyshev", domain=(-3, 4)), np.cos(3 * np.arccos((2 * V - 1) / 7))),
         (Preload(offset=0.5, slope=2.0), np.where(V > 0, 2 * V + 0.5, 2 * V - 0.5)),
         (Coulomb(force=2.0, offset=1.0), np.where(V > 0, 3.0, -1.0)),
         (Viscous(coefficient=2.0, negative=3.0), np.where(V > 0, 2 * V, 3 * V)),
@@ -102,9 +104,20 @@ def test_a_relay_switches_at_the_moment_it_is_crossed():
         lambda: Piecewise(breaks=(1.0,), pieces=((0.0,),)),
         lambda: Kinked(coefficients=(0.0,), breaks=(1.0, 0.0), kinks=((1.0,), (1.0,))),
         lambda: Kinked(coefficients=(0.0,), breaks=(1.0,), kinks=((1.0,), (1.0,))),
+        lambda: Polynomial(coefficients=(1.0,), basis="chebyshev", domain=(1.0, 1.0)),
+        lambda: Polynomial(coefficients=(1.0,), domain=(0.0, 1.0)),
     ],
 )
 def test_impossible_blocks_are_refused(make):
     with pytest.raises(WhidError) as fault:
         make()
     assert fault.value.code == "block-parameters"
+
+
+def test_one_polynomial_in_another_basis():
+    power = Polynomial(coefficients=(0.3, -1.0, 0.0, 0.7))
+    for other in (Polynomial(coefficients=(1.0,) * 6, basis="chebyshev", domain=(-3.0, 4.0)), power):
+        there = power.like(other)
+        assert (there.basis, there.domain, len(there.coefficients)) == (other.basis, other.domain, len(other.coefficients))
+        np.testing.assert_allclose(there(V, 1.0), power(V, 1.0), atol=1e-12)
+        np.testing.assert_allclose(there.like(power).coefficients[:4], power.coefficients, atol=1e-12)
