@@ -258,6 +258,27 @@ CATALOGUE: dict[str, Explanation] = {
         "Leave `orders:` out, or change them: complex pairs stay together, a block has no more zeros than poles.",
         FAILED,
     ),
+    "stage-one-sided": Explanation(
+        "The domain of a curve reaches beyond the data: a window at a node has samples on one side of it only.",
+        "Give a `domain:` that the input fills, or leave it out; or drive the input further.",
+        FAILED,
+    ),
+    "stage-rank-one": Explanation(
+        "A curve cannot be seen: all samples of a window, or of the record, have one input or very few.",
+        "Use `report: least_squares` (no windows) or a larger `half_width:` where the input is a staircase; "
+        "lower `order:`; or drive with noise or a slow sine.",
+        FAILED,
+    ),
+    "stage-not-invertible": Explanation(
+        "The curve turns inside its domain: one output belongs to several inputs, and no equaliser can tell them apart.",
+        "Give a `domain:` on which it rises or falls throughout; the message names one.",
+        FAILED,
+    ),
+    "stage-extrapolates": Explanation(
+        "An equaliser was asked for over a domain that the data do not cover: it would invert what was never measured.",
+        "Give the `domain:` in the message, leave it out, or drive the input further.",
+        FAILED,
+    ),
     "fit-no-model": Explanation(
         "A fit needs a model to start from, and the config declares none.",
         "Add `model: {chain: […]}`: its structure counts, its numbers are start values.",

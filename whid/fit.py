@@ -77,9 +77,7 @@ def linear_least_squares(design: Floats, data: Floats, weights: Floats | None = 
     return _estimate(names, values, covariance, rank, null, chi2, len(data), weights is None, 1, "linear")
 
 
-def normal_equations(
-    gram: Floats, products: Floats, square: float, samples: int, names: Sequence[str] = ()
-) -> Estimate:
+def normal_equations(gram: Floats, products: Floats, square: float, samples: int, names: Sequence[str] = ()) -> Estimate:
     """Minimise Σ (data − design·θ)² that is seen only in sums: what streams over a record of any length.
 
     gram (p, p) = designᵀdesign, products (p,) = designᵀdata, square = dataᵀdata; σ unknown, from the residual. Squared

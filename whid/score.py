@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from whid.blocks._static import Static
 from whid.blocks.delay import Delay
 from whid.blocks.linear import Linear
 from whid.methods._method import Model
@@ -17,6 +18,7 @@ from whid.stages.identifiability import distinct
 from whid.system import System
 
 Metrics = dict[str, float | Measured]
+ACROSS = 401  # inputs at which two curves are compared
 MISFIT = 3.0  # χ²/dof: errors understated by √3 and more, at any number of degrees of freedom that matters
 
 
@@ -25,6 +27,9 @@ def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], 
 
     {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)
     {front|back}.{gain|phase}.error.max   largest error at the frequencies that the sines reached, static gain 1;
+                                     linear.… of front·back, where the model claims no more than that
+    nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there; of systems
+                                     without memory across the model's domain, or the inputs
                                      linear.… of front·back, where the model claims no more than that, or of what stands
                                      between two nonlinear blocks
     nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there
@@ -92,6 +97,15 @@ def _between(system: System, omega: Floats) -> NDArray[np.complex128]:
     return np.asarray(product / static)
 
 
+def _without_memory(system: System, records: Sequence[Record], truth: System) -> Floats:
+    """Return inputs across the domain of a polynomial, or those that there were, where neither system has memory."""
+    if not all(isinstance(block, Static) for s in (system, truth) for block in s.series):
+        return np.empty(0)
+    domain = getattr(system.series[0], "domain", None)
+    low, high = domain or (min(r.u.min() for r in records), max(r.u.max() for r in records))
+    return np.linspace(low, high, ACROSS)
+
+
 def _against(system: System, records: Sequence[Record], truth: System) -> Iterator[tuple[str, float]]:
     sines = [(part.radians(r.dt), part) for r in records for part in r.parts if part.kind == "sine"]  # type: ignore[attr-defined]
     fundamentals = distinct(np.array([w for w, _ in sines]))
@@ -115,6 +129,8 @@ def _against(system: System, records: Sequence[Record], truth: System) -> Iterat
             yield f"{side}.gain.error.max", float(np.abs(np.abs(ratio) * true - true).max())
             yield f"{side}.phase.error.max", float(np.abs(np.angle(ratio)).max())
     levels = np.unique([part.level for r in records for part in r.parts if part.kind == "hold"])  # type: ignore[attr-defined]
+    if not len(levels):
+        levels = _without_memory(system, records, truth)
     if len(levels):
         dt = records[0].dt
         ours, true = (np.array([s.tree.steady(float(u), dt)[0] for u in levels]) for s in (system, truth))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from whid.blocks.linear import Linear
+from whid.blocks.polynomial import Polynomial
 from whid.kinds import plain
 from whid.quantity import Cell, Measured, Table
 from whid.record import Record
@@ -160,6 +161,8 @@ def _true_values(result: Result, names: tuple[str, ...]) -> dict[str, float | No
         return {}
     found: dict[str, float | None] = {}
     for place, (true, model) in enumerate(zip(result.truth.chain, result.model.system.chain, strict=True)):
+        if isinstance(true, Polynomial) and isinstance(model, Polynomial):
+            true = true.like(model)
         values = _values(true)
         if isinstance(true, Linear) and isinstance(model, Linear):
             if abs(_static_gain(true) / _static_gain(model) - 1) > 1e-6:

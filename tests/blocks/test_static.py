@@ -29,7 +29,10 @@ STATIC = [b for blocks in EXAMPLES.values() for b in blocks if isinstance(b, Sta
         (Saturation(low=-1.0, high=0.5, slope=2.0), np.where(V > 0.5, 1.0, np.where(V < -1, -2.0, 2 * V))),
         (Polynomial(coefficients=(1.0, -2.0, 0.0, 0.5)), 1 - 2 * V + 0.5 * V * V * V),
         (Polynomial(coefficients=(1.0, -2.0, 0.5), basis="chebyshev"), 1 - 2 * V + 0.5 * (2 * V * V - 1)),
-        (Polynomial(coefficients=(0.0, 0.0, 0.0, 1.0), basis="chebyshev", domain=(-3, 4)), np.cos(3 * np.arccos((2 * V - 1) / 7))),
+        (
+            Polynomial(coefficients=(0.0, 0.0, 0.0, 1.0), basis="chebyshev", domain=(-3, 4)),
+            np.cos(3 * np.arccos((2 * V - 1) / 7)),
+        ),
         (Preload(offset=0.5, slope=2.0), np.where(V > 0, 2 * V + 0.5, 2 * V - 0.5)),
         (Coulomb(force=2.0, offset=1.0), np.where(V > 0, 3.0, -1.0)),
         (Viscous(coefficient=2.0, negative=3.0), np.where(V > 0, 2 * V, 3 * V)),

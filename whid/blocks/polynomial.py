@@ -75,10 +75,11 @@ class Polynomial(Static):
     def like(self, other: Polynomial) -> Polynomial:
         """Return the same curve in the basis of another, padded to its length.
 
-        >>> Polynomial(coefficients=(0.0, 0.0, 2.0)).like(Polynomial(coefficients=(1.0,) * 4, basis="chebyshev")).coefficients
+        >>> other = Polynomial(coefficients=(1.0,) * 4, basis="chebyshev")
+        >>> Polynomial(coefficients=(0.0, 0.0, 2.0)).like(other).coefficients
         (1.0, 0.0, 1.0, 0.0)
         """
-        kinds = {"power": np.polynomial.Polynomial, "chebyshev": np.polynomial.Chebyshev}
+        kinds: dict[str, Any] = {"power": np.polynomial.Polynomial, "chebyshev": np.polynomial.Chebyshev}
         a, b = self._domain if self.basis == "chebyshev" else (-1.0, 1.0)
         c, d = other._domain if other.basis == "chebyshev" else (-1.0, 1.0)
         found = kinds[self.basis](self.coefficients, domain=[a, b]).convert(kind=kinds[other.basis], domain=[c, d]).coef

@@ -28,7 +28,9 @@ def draw(run: Any, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def has(run: Any, need: str) -> bool:
-    """Tell whether a run has a stage, its truth, residuals, or parts of a kind ("sine")."""
+    """Tell whether a run has a stage, its truth, residuals, linear blocks in its model, or parts of a kind ("sine")."""
+    if need == "linear":
+        return "model" in run.stages and any(hasattr(block, "gain_at") for block in run.stages["model"].system.series)
     if need in ("truth", "residuals"):
         value = getattr(run, need)
         return value is not None and len(value) > 0 if need == "residuals" else value is not None

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from whid.plots._style import MEASURED, MODEL, TRUTH, Floats, log_ticks, spaced
 from whid.plots._system import gain, gain_and_band, linear_blocks
 
-NEEDS = ("model",)
+NEEDS = ("model", "linear")
 POINTS = "joint"  # the stage with the responses at the measured frequencies
 
 

@@ -73,7 +73,8 @@ class Moments(NamedTuple):
 
     def joined(self, other: Moments) -> Moments:
         """Return the moments of both stretches together."""
-        return Moments(*(mine + theirs for mine, theirs in zip(self, other, strict=True)))
+        sums, products = self.sums + other.sums, self.products + other.products
+        return Moments(sums, products, self.square + other.square, self.samples + other.samples)
 
     def gram(self, order: int) -> Floats:
         """Return Σ T_j T_k = (S_{j+k} + S_{|j−k|})/2 up to an order."""

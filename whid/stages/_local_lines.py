@@ -16,9 +16,9 @@ ROUNDING = 1e-9  # of a window's width: inputs closer together are one value
 
 
 class Line(NamedTuple):
-    """A window and its line: value at the node = at_node · y[index], slope = slope · y[index]."""
+    """A window and its line: value at the node = at_node · y[where], slope = slope · y[where]."""
 
-    index: NDArray[np.intp]
+    where: NDArray[np.intp]
     offset: Floats  # t − node
     at_node: Floats
     slope: Floats
@@ -40,8 +40,8 @@ def lines(t: Floats, centres: Floats, half_widths: Sequence[float], min_points: 
             if half > 2:
                 message = f"{len(t)} samples in the domain are too few for windows of {min_points}"
                 raise WhidError("stage-too-short", message)
-        index = np.flatnonzero(away <= half)
-        found.append(_line(index, offset[index], float(half), _Place(i, float(centre), domain)))
+        where = np.flatnonzero(away <= half)
+        found.append(_line(where, offset[where], float(half), _Place(i, float(centre), domain, t)))
     return found
 
 
@@ -49,6 +49,7 @@ class _Place(NamedTuple):
     node: int
     centre: float
     domain: Domain
+    t: Floats
 
     def __str__(self) -> str:
         return f"node {self.node} at input {self._x(self.centre):.4g}"
@@ -56,28 +57,33 @@ class _Place(NamedTuple):
     def _x(self, t: float) -> float:
         return float(unscaled(np.array(t), self.domain))
 
+    @property
+    def covered(self) -> str:
+        low, high = self._x(max(-1.0, float(self.t.min()))), self._x(min(1.0, float(self.t.max())))
+        return f"of the domain the data cover [{low:.4g}, {high:.4g}]: try that domain"
+
     def inputs(self, offset: Floats) -> str:
         low, high = (self._x(self.centre + float(edge)) for edge in (offset.min(), offset.max()))
         return f"{low:.4g}" if high - low < 1e-6 * abs(high) else f"{low:.4g} … {high:.4g}"
 
 
-def _line(index: NDArray[np.intp], offset: Floats, half: float, place: _Place) -> Line:
+def _line(where: NDArray[np.intp], offset: Floats, half: float, place: _Place) -> Line:
     n, first, second = len(offset), float(offset.sum()), float(offset @ offset)
     if offset.max() - offset.min() <= ROUNDING * half:
         message = f"{place}: all {n} samples of its window have one input, {place.inputs(offset)}; a line needs two"
         raise WhidError("stage-rank-one", message)
     if offset.min() > 0 or offset.max() < 0:
-        message = f"{place}: all {n} samples of its window lie on one side, at {place.inputs(offset)}"
+        message = f"{place}: all {n} samples of its window lie on one side, at {place.inputs(offset)}; {place.covered}"
         raise WhidError("stage-one-sided", message)
     determinant = n * second - first**2
-    return Line(index, offset, (second - first * offset) / determinant, (n * offset - first) / determinant, half)
+    return Line(where, offset, (second - first * offset) / determinant, (n * offset - first) / determinant, half)
 
 
 def overlap(found: Sequence[Line], samples: int) -> Floats:
     """Return A·Aᵀ of the weights at the nodes: covariance of the values for unit noise; windows may share samples."""
     from scipy.sparse import csr_array
 
-    starts = np.cumsum([0, *(len(line.index) for line in found)])
-    index, weights = (np.concatenate([getattr(line, name) for line in found]) for name in ("index", "at_node"))
-    rows = csr_array((weights, index, starts), shape=(len(found), samples))
+    starts = np.cumsum([0, *(len(line.where) for line in found)])
+    where, weights = (np.concatenate([getattr(line, name) for line in found]) for name in ("where", "at_node"))
+    rows = csr_array((weights, where, starts), shape=(len(found), samples))
     return np.asarray((rows @ rows.T).toarray())

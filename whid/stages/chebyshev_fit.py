@@ -10,7 +10,7 @@ from whid.errors import WhidError
 from whid.fit import Estimate, normal_equations
 from whid.quantity import Quantity
 from whid.signal import Floats
-from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, moments, scaled
+from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, moments, nodes, scaled, unscaled
 
 
 class ChebyshevFit(NamedTuple):
@@ -45,7 +45,8 @@ def chebyshev_fit(x: Floats, y: Floats, order: int, domain: Domain, extra: int |
     min Σ (y − Σ cₖ Tₖ(t))², t = (2x − a − b)/(b − a), over the samples with |t| ≤ 1. Two passes of moments: the second, of
     the residual, takes off the rounding that squares leave. White noise of unknown size. x, y (N,), finite; extra: terms
     beyond K that `lack_of_fit` tests (left out: K + 1). Raises `WhidError("stage-too-short")` for fewer samples than
-    2K + extra, `WhidError("stage-rank-one")` where the input takes too few values.
+    2K + extra, `WhidError("stage-rank-one")` where the input takes too few values, `WhidError("stage-one-sided")` where
+    it does not reach the outermost Chebyshev nodes.
     Source: least squares; the Gram matrix from 2K + 1 sums by T_j T_k = (T_{j+k} + T_{|j−k|})/2.
 
     >>> x = np.random.default_rng(0).uniform(-1, 1, 5000)
@@ -55,6 +56,7 @@ def chebyshev_fit(x: Floats, y: Floats, order: int, domain: Domain, extra: int |
     """
     wide = order + (order + 1 if extra is None else extra)
     t = scaled(x, domain)
+    _reached(t, order, domain)
     inside = np.abs(t) <= 1
     if not inside.all():
         t, y = t[inside], y[inside]
@@ -76,11 +78,22 @@ def chebyshev_fit(x: Floats, y: Floats, order: int, domain: Domain, extra: int |
     noise = float(np.sqrt(wider.chi2 / wider.dof))
     scale = float(np.sqrt(first.square / first.samples))
     variance = found.chi2 / found.dof
-    inverse = found.covariance / variance if variance > 0 else np.linalg.inv(inner)
+    inverse = np.asarray(found.covariance / variance if variance > 0 else np.linalg.inv(inner), float)
     estimate = found._replace(values=pilot.values + found.values)
     return ChebyshevFit(
         estimate, domain, noise, inverse, found.chi2, wider.chi2, scale, found.rank, wider.rank, len(t), len(x) - len(t)
     )
+
+
+def _reached(t: Floats, order: int, domain: Domain) -> None:
+    """Raise where the samples end before the outermost node: the rest of the domain would be extrapolated."""
+    if not len(t):
+        return
+    end = nodes(order)[0]
+    low, high = unscaled(np.array([t.min(), t.max()]), domain)
+    if t.max() < end or t.min() > -end:
+        seen = f"the samples cover only [{low:.4g}, {high:.4g}]: try that domain"
+        raise WhidError("stage-one-sided", f"the domain is [{domain[0]:.4g}, {domain[1]:.4g}], {seen}")
 
 
 def _of_residual(t: Floats, y: Floats, coefficients: Floats) -> Moments:

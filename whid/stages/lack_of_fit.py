@@ -22,7 +22,12 @@ class LackOfFit(NamedTuple):
 
     def table(self) -> Table:
         """Return one row and the verdict."""
-        row = (f"{self.order + 1}-{self.order + self.terms}", float(f"{self.statistic:.4g}"), self.dof, float(f"{self.p:.3g}"))
+        row = (
+            f"{self.order + 1}-{self.order + self.terms}",
+            float(f"{self.statistic:.4g}"),
+            self.dof,
+            float(f"{self.p:.3g}"),
+        )
         enough = f"order {self.order} suffices: least squares is reported"
         more = f"order {self.order} does not suffice: node-plus is reported, near the smallest largest error of this order"
         verdict = enough if self.passed else more

@@ -55,11 +55,11 @@ def node_windows(
     found = lines(t, centres, [half_width] * (order + 1), min_points, domain)
     value, rest = np.empty(order + 1), 0.0
     for i, line in enumerate(found):
-        part = y[line.index]
+        part = y[line.where]
         value[i] = line.at_node @ part
         error = part - value[i] - (line.slope @ part) * line.offset
         rest += float(error @ error)
-    points = np.array([len(line.index) for line in found])
+    points = np.array([len(line.where) for line in found])
     variance = rest / max(int(points.sum()) - 2 * len(found), 1)
     shared = variance * overlap(found, len(t))
     covariance = d @ shared @ d.T
