@@ -5,6 +5,7 @@ within a few hundred samples of dt = 0.2 s, and are hit at their breakpoints by 
 """
 
 from whid.blocks._block import Block
+from whid.blocks.backlash import Backlash
 from whid.blocks.chain import Chain
 from whid.blocks.constant import Constant
 from whid.blocks.coulomb import Coulomb
@@ -32,9 +33,15 @@ LAG = Linear(num=(1.5,), den=(1.0, 2.0))
 RESONANT = Linear(num=(1.0, 3.0), den=(1.0, 0.9, 4.0))
 
 EXAMPLES: dict[str, tuple[Block, ...]] = {
+    "backlash": (
+        Backlash(gap=0.43),
+        Backlash(rising=(-0.3, 0.7, 0.8, -0.8), falling=(-0.2, 0.7, 0.7, -0.1)),  # crossing, not invertible
+        Backlash(rising=(0.05, 1.0), falling=(-0.05, 0.4, 0.1)),  # of unlike degree, the rising one above at first
+    ),
     "chain": (
         Chain(chain=(RESONANT, Piecewise(breaks=(-0.3, 0.4), pieces=((0.5,), (0.0, 1.0, 0.3), (-0.4,))), LAG)),
         Chain(chain=(Saturation(low=-0.5, high=0.7), LAG, Preload(offset=0.2), RESONANT)),
+        Chain(chain=(LAG, Preload(offset=0.2), Backlash(gap=0.3), RESONANT)),  # jumps go through a backlash
         Chain(chain=(LAG, Preload(offset=0.2), Polynomial(coefficients=(0.0, 1.0, 0.5, 0.2)), LAG)),
         Chain(
             chain=(LAG, Coulomb(force=0.3), Linear(num=(1.0, 1.0), den=(1.0, 2.0)), Polynomial(coefficients=(0.1, 1.0, 0.4)))

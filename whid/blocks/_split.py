@@ -198,7 +198,7 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
     fine = _continued(np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course), parts)
     moving = np.ptp(fine, axis=0) > 1e-13 * np.abs(fine).max(initial=0.0)  # a level that sits on a breakpoint only rounds
     count = np.searchsorted(breaks, fine, side="right")
-    cell, panel, turn = _turning(slope, grid)
+    cell, panel, turn = turning(slope, grid)
     peak = np.searchsorted(breaks, _evaluate(course[:, panel], turn), side="right")
     straight = count[1:] != count[:-1]
     straight[cell, panel] = False
@@ -212,7 +212,7 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
     nth = np.arange(len(stretch)) - np.repeat(np.cumsum(times) - times, times)
     which = np.minimum(before, after)[stretch] + nth
     owner, rising = owner[stretch], (after > before)[stretch]
-    tau = _root(course[:, owner], slope[:, owner], breaks[which], low[stretch], high[stretch], rising)
+    tau = inverse(course[:, owner], slope[:, owner], breaks[which], low[stretch], high[stretch], rising)
     return owner, tau, which, np.abs(_evaluate(slope[:, owner], tau))
 
 
@@ -227,17 +227,17 @@ def _continued(fine: Floats, parts: Splits) -> Floats:
     return fine
 
 
-def _turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
+def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
     """Return (cell, panel, τ) where a panel's course turns round between two points of the grid."""
     rate = legendre.legvander(2 * grid - 1, len(slope) - 1) @ slope
     rising = rate > 0
     cell, panel = np.nonzero(rising[1:] != rising[:-1])
     mine = slope[:, panel]
     bend = np.asarray(2 * legendre.legder(mine, axis=0), np.float64)
-    return cell, panel, _root(mine, bend, 0.0, grid[cell], grid[cell + 1], rising[cell + 1, panel])
+    return cell, panel, inverse(mine, bend, 0.0, grid[cell], grid[cell + 1], rising[cell + 1, panel])
 
 
-def _root(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
+def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
     tau = (low + high) / 2
     open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
