@@ -1,5 +1,6 @@
 """A sweep's seeds, table, file and exit codes."""
 
+import csv
 import json
 from concurrent.futures import ThreadPoolExecutor
 
@@ -25,7 +26,7 @@ experiment:
   parts:
     - {kind: staircase, from: -1, to: 3, step: 0.5, hold_s: 10}
     - {kind: sine, offset: 2, amplitude: 0.8, samples_per_period: [100, 50], periods: 8}
-identify: {kind: wiener_hammerstein, orders: [1, 1]}
+identify: {kind: wiener_hammerstein, orders: [1, 1], whole_record: false}
 sweep: {over: {plant.noise.std: [0.01, 0.05]}, repeats: 3}
 expect: [{metric: front.gain.error.max, below: 0.05}]
 """
@@ -69,10 +70,19 @@ def test_file_and_table(config, tmp_path):
         assert np.array_equal(file["metrics/front.gain.error.max"], found.values["front.gain.error.max"])
         assert file["cells/plant.noise.std"][:].tolist() == [0.01, 0.05]
         assert file["metrics/front.gain.error.max"].dims[1].keys() == ["repeat"]
-    row = found.table().rows[0]
+    table = found.table()
+    row = dict(zip(table.columns, table.rows[0], strict=True))
     values = found.values["front.gain.error.max"][0]
-    assert row[2].value == pytest.approx(values.mean())
-    assert row[3] == pytest.approx(values.std(ddof=1))
+    assert row["mean ± its error"].value == pytest.approx(values.mean())
+    assert row["sd"] == pytest.approx(values.std(ddof=1))
+    assert row["RMSE"] == pytest.approx(np.sqrt(np.mean(values**2)))  # of an error about 0
+    assert row["50%"] == np.median(values)
+    gain = next(name for name in found.values if name.startswith("front.gain@"))
+    one = dict(zip(table.columns, found.table([gain]).rows[0], strict=True))
+    assert one["RMSE"] == pytest.approx(np.sqrt(np.mean((found.values[gain][0] - found.truth[gain][0]) ** 2)))
+    with (found.path / "sweep.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["mean ± its error"]) == values.mean()
     assert (found.path / "DONE").exists()
     again = sweep(config, tmp_path)
     assert again.reused

@@ -213,6 +213,26 @@ CATALOGUE: dict[str, Explanation] = {
         "Use `solve: delay`, put dynamics into the loop, or remove the jump from it.",
         FAILED,
     ),
+    "sweep-running": Explanation(
+        "Another process is at the same sweep: the same study, data and output folder.",
+        "Wait until it ends, or stop it; what it finished is kept and goes on with the same command.",
+        FAILED,
+    ),
+    "sweep-mixed": Explanation(
+        "The journal of an unfinished sweep is that of another config, other data or another version of whid.",
+        "Remove the .unfinished file to begin anew, or give another --out.",
+        FAILED,
+    ),
+    "sweep-failed": Explanation(
+        "A repeat of a sweep failed, and --fail-fast asked to stop there.",
+        "Mend what the message says; the same command without --fail-fast goes on with the rest.",
+        FAILED,
+    ),
+    "sweep-engine": Explanation(
+        "The executor or cluster of a sweep is not there, or went away.",
+        "Check the scheduler's address, or leave --scheduler out; what was finished is kept.",
+        FAILED,
+    ),
     "sweep-missing": Explanation(
         "`whid sweep` was given a study without a `sweep:` section.",
         "Add `sweep: {over: {plant.noise.std: [0.1, 0.2]}, repeats: 10}`, or use `whid run`.",

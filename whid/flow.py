@@ -35,9 +35,9 @@ from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
 from whid.residual import residual
-from whid.result import Asked, Check, Failure, Result, snake_case
+from whid.result import Asked, Failure, Result, snake_case
 from whid.signal import Floats
-from whid.simulate import simulate
+from whid.simulate import Clean, simulate
 from whid.stages.intersample import intersample
 from whid.trace import Trace
 from whid.trace import trace as closed_loop
@@ -81,9 +81,9 @@ def run(
         return _kept(result, folder, work.clock, refined)
 
 
-def execute(study: Study, base: Path, seeds: np.random.SeedSequence) -> Result:
-    """Run a study in memory: no folder, no pictures, no tables (a sweep runs thousands)."""
-    work = _Work(study, base, seeds, _Clock(lambda line: None, None))
+def execute(study: Study, base: Path, seeds: np.random.SeedSequence, clean: Clean | None = None) -> Result:
+    """Run a study in memory: no folder, no pictures, no tables (a sweep runs thousands, sharing what is free of noise)."""
+    work = _Work(study, base, seeds, _Clock(lambda line: None, None), clean=clean)
     work.attempt(work.obtain, work.identify, work.trace, work.assess)
     return work.result({})
 
@@ -158,6 +158,7 @@ class _Work:
     warnings: list[str] = field(default_factory=list)
     error: Failure | None = None
     doing: str = ""
+    clean: Clean | None = None
 
     def attempt(self, *steps: Callable[[], None]) -> None:
         """Do the steps; a fault ends the work, not what was finished."""
@@ -187,7 +188,7 @@ class _Work:
         """Simulate one experiment with a generator of its own."""
         assert self.study.plant is not None
         rng = np.random.default_rng(self.seeds.spawn(1)[0])
-        self.records.append(simulate(self.study.plant, experiment, rng))
+        self.records.append(simulate(self.study.plant, experiment, rng, clean=self.clean))
         self.clock.tick(f"simulated {experiment.name}, {len(self.records[-1])} samples")
         return self.records[-1]
 
@@ -254,8 +255,8 @@ class _Work:
         return Result(
             name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
             residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
-            checks=tuple(Check(b.metric, _value(self.metrics.get(b.metric)), b.below, b.above) for b in self.study.expect),
             published=None if printed is None else tuple((row.quantity, row.value, row.truth) for row in printed),
+            checks=tuple(c for bound in self.study.expect for c in bound.checks(*_numbers(self.metrics, bound.metric))),
             warnings=tuple(self.warnings), provenance={**origin, **facts, "notes": tuple(self.notes)},
         )  # fmt: skip
 
@@ -310,5 +311,8 @@ def _doubts(records: Sequence[Record]) -> Iterator[str]:
                 yield f"{misfit}: {found.reason}; try `intersample: {found.alternative}`"
 
 
-def _value(metric: float | Measured | None) -> float | None:
-    return metric.value if isinstance(metric, Measured) else metric
+def _numbers(metrics: Mapping[str, float | Measured], name: str) -> tuple[Floats, float]:
+    """Return the value of a metric, none where there is none, and its standard error."""
+    found = metrics.get(name)
+    value, std = found if isinstance(found, Measured) else (found, float("nan"))
+    return np.array([] if value is None else [value]), std

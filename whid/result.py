@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -18,12 +18,16 @@ BREACHED, NOT_MEASURED = 4, 5
 
 
 class Check(NamedTuple):
-    """One `expect:` bound held against the metric it names; `value` is None where there is no such metric."""
+    """One `expect:` bound held against the metric it names; `value` is None where there is no such metric.
+
+    of  what of the metric the value is: "" itself (of a sweep the mean of a cell), else a confidence limit or a quantile
+    """
 
     metric: str
     value: float | None
     below: float | None = None
     above: float | None = None
+    of: str = ""
 
     @property
     def verdict(self) -> Literal["pass", "breached", "not measured"]:
@@ -37,6 +41,23 @@ class Check(NamedTuple):
         low = self.above is None or self.value > self.above
         high = self.below is None or self.value < self.below
         return "pass" if self.value == self.value and low and high else "breached"
+
+    @property
+    def margin(self) -> float:
+        """Return how far the value is inside its bounds."""
+        value = float("nan") if self.value is None else self.value
+        below, above = (float("inf") if x is None else x for x in (self.below, self.above))
+        return min(below - value, value - above if self.above is not None else float("inf"))
+
+
+def judged(checks: Iterable[Check]) -> int:
+    """Return the exit code of bounds: 0, 4 where one is breached, else 5 where one was not measured.
+
+    >>> judged([Check("a", 1.0, below=2.0), Check("b", None, below=2.0)])
+    5
+    """
+    verdicts = {check.verdict for check in checks}
+    return BREACHED if "breached" in verdicts else NOT_MEASURED if "not measured" in verdicts else 0
 
 
 class Asked(NamedTuple):
@@ -107,8 +128,7 @@ class Result:
         """Return 0, or the exit code of the fault, of a breached bound (4), of one that was not measured (5)."""
         if self.error:
             return self.error.explanation.exit_code
-        verdicts = {check.verdict for check in self.checks}
-        return BREACHED if "breached" in verdicts else NOT_MEASURED if "not measured" in verdicts else 0
+        return judged(self.checks)
 
 
 def snake_case(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -76,6 +77,20 @@ def linear_gain(system: System, side: str, omega: Floats) -> NDArray[np.complex1
         product = product * block.gain_at(omega)
         static *= complex(block.gain_at(np.zeros(1))[0])
     return np.asarray(product / static)
+
+
+def true_value(system: System, metric: str) -> float:
+    """Return what a metric of a single frequency, `front.gain@0.02` or `stepwise.back.phase@0.1`, is of a system; else NaN.
+
+    >>> lag = System(chain=(Linear(num=(2.0,), den=(1.0, 1.0)),))
+    >>> round(true_value(lag, "joint.front.gain@1"), 4), true_value(lag, "report.rms")
+    (0.7071, nan)
+    """
+    found = re.fullmatch(r"(?:\w+\.)?(front|back)\.(gain|phase)@(.+)", metric)
+    if not found:
+        return float("nan")
+    g = complex(linear_gain(system, found[1], np.array([float(found[3])]))[0])
+    return abs(g) if found[2] == "gain" else float(np.angle(g))
 
 
 def _split(system: System) -> bool:

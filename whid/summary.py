@@ -221,11 +221,15 @@ def _asked(result: Result) -> Table:
 
 def expected(checks: Sequence[Check], metrics: Sequence[str] = ()) -> Table:
     """Return the bounds and their verdicts; of a metric that is none, the name that is nearest."""
-    rows = tuple((check.metric, _bound(check), check.value, check.verdict) for check in checks)
+    rows = tuple((_judged(check), _bound(check), check.value, check.verdict) for check in checks)
     absent = [check.metric for check in checks if metrics and check.metric not in metrics]
     near = {name: difflib.get_close_matches(name, metrics, n=1) for name in absent}
     notes = tuple(f"{name}: no metric of this run" + (f"; did you mean {n[0]}?" if n else "") for name, n in near.items())
     return Table("Expected", ("metric", "bound", "value", "verdict"), rows, notes)
+
+
+def _judged(check: Check) -> str:
+    return f"{check.metric}, {check.of}" if check.of else check.metric
 
 
 def _bound(check: Any) -> str:

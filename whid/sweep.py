@@ -5,84 +5,33 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from whid import flow
-from whid.config.load import load_study, resolved
+from whid import engine, flow
+from whid.config.load import load_study, load_variants, resolved
 from whid.config.study import Study, Sweep
+from whid.engine import Engine, Group
 from whid.errors import WhidError
 from whid.files import run_folder
+from whid.files.journal import UNFINISHED, Journal, Outcome, Place
 from whid.files.provenance import provenance
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
-from whid.files.sweep_file import read_sweep, write_sweep
-from whid.quantity import Cell, Measured, Table
-from whid.result import Check
-from whid.score import units
-from whid.tables import cell as as_text
-from whid.tables import markdown
+from whid.files.sweep_file import KEPT, read_sweep, write_sweep
+from whid.quantity import Measured
+from whid.score import true_value, units
+from whid.simulate import Clean
+from whid.sweep_bound import bounds
+from whid.sweep_result import SweepResult, gathered
+from whid.tables import as_csv, markdown
 
-Floats = NDArray[np.float64]
-Watch = Callable[[int, int], None]  # finished, of how many
-
-
-class Outcome(NamedTuple):
-    """One repeat of one cell: its metrics with their standard errors, or why there are none."""
-
-    metrics: Mapping[str, tuple[float, float]]
-    error: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class SweepResult:
-    """What a sweep found: cells × repeats.
-
-    over    the values of every swept path, one a cell
-    values  metric → (cells, repeats), NaN where it failed or is not measured; std likewise
-    errors  (cells, repeats) why a repeat failed, "" where it did not
-    """
-
-    name: str
-    over: Mapping[str, tuple[Any, ...]]
-    values: Mapping[str, Floats]
-    std: Mapping[str, Floats]
-    errors: NDArray[Any]
-    checks: tuple[Check, ...]
-    path: Path | None = None
-    reused: bool = False
-
-    @property
-    def failed(self) -> int:
-        """Return how many repeats failed."""
-        return int((self.errors != "").sum())
-
-    def table(self, metrics: Sequence[str] = ()) -> Table:
-        """Return one row a cell and metric: mean, standard deviation and their count; by default what `expect:` names
-        and every metric that is not of a single frequency.
-        """
-        named = list(dict.fromkeys([*metrics, *(check.metric for check in self.checks)]))
-        chosen = named or [name for name in self.values if "@" not in name]
-        rows: list[tuple[Cell, ...]] = []
-        for c in range(len(self.errors)):
-            place = tuple(as_text(values[c]) for values in self.over.values())
-            for name in chosen:
-                found = self.values.get(name, np.full(self.errors.shape, np.nan))[c]
-                found = found[np.isfinite(found)]
-                mean = float(found.mean()) if len(found) else float("nan")
-                sd = float(found.std(ddof=1)) if len(found) > 1 else float("nan")
-                failures = int((self.errors[c] != "").sum())
-                rows.append((*place, name, Measured(mean, sd / np.sqrt(max(len(found), 1))), sd, len(found), failures))
-        columns = (*self.over, "metric", "mean ± its error", "sd", "n", "failed")
-        return Table(f"Sweep {self.name}", columns, tuple(rows))
+Watch = Callable[[int, int, str], None]  # finished, of how many, the reason of a failure just met ("" otherwise)
 
 
 def sweep(
@@ -92,62 +41,61 @@ def sweep(
     *,
     jobs: int = 1,
     executor: Executor | None = None,
+    scheduler: str = "",
     force: bool = False,
+    fail_fast: bool = False,
     watch: Watch | None = None,
 ) -> SweepResult:
     """Run the study of a config over its `sweep:` and keep the outcome in `<out>/<name>-sweep-<hash10>/`.
 
-    jobs > 1 uses that many processes, executor any other `concurrent.futures` engine; the numbers are the same, bit for bit:
-    every repeat's seed is a `SeedSequence` keyed by the study's seed, the cell's values and the repeat. A bound of
-    `expect:` holds when the mean of every cell holds it. A sweep that is done is not run again, unless `force`.
-    Raises `WhidError` for a faulty config or one without `sweep:`.
+    jobs > 1 uses that many processes, scheduler a Dask cluster, executor any other `concurrent.futures` engine; the numbers
+    are the same, bit for bit: every repeat's seed is a `SeedSequence` keyed by the study's seed, the cell's values and the
+    repeat. What is finished is in a journal at once; a sweep that was interrupted or killed goes on where it stopped. One
+    that is done is not run again, unless `force`. A repeat that fails is an outcome with its reason; `fail_fast` ends at
+    the first.
+    Raises `WhidError` for a faulty config or one without `sweep:`, "sweep-failed" with fail_fast, "sweep-running" where
+    another process is at it, "sweep-engine" where the cluster does not answer.
     """
     study = load_study(config, overrides)
     if study.sweep is None:
         raise WhidError("sweep-missing", "this study has no `sweep:` section")
     cells = [dict(zip(study.sweep.over, values, strict=True)) for values in combinations(study.sweep)]
-    for chosen in cells:
-        load_study(config, [*overrides, *_settings(chosen)])  # every cell's faults before the first run
+    studies = list(load_variants(config, [[*overrides, *_settings(chosen)] for chosen in cells]))  # all faults come first
     base = Path(config).parent if isinstance(config, (str, Path)) else Path()
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
     stem = run_folder.stem(f"{study.name}-sweep", origin["hash"])
     if not force and (done := run_folder.finished(Path(out), stem)):
-        return _result(study, *read_sweep(done / "sweep.h5"), path=done, reused=True)
-    repeats = range(study.sweep.repeats)
-    tasks = [(config, (*overrides, *_settings(chosen)), key(chosen, r)) for chosen in cells for r in repeats]
-    outcomes = list(_outcomes(tasks, jobs, executor, watch))
-    shape = (len(cells), study.sweep.repeats)
-    names = list(dict.fromkeys(name for outcome in outcomes for name in outcome.metrics))
-    missing = (float("nan"), float("nan"))
-    numbers = {name: np.array([o.metrics.get(name, missing) for o in outcomes]).reshape(*shape, 2) for name in names}
-    over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
-    values, std = ({name: both[..., side] for name, both in numbers.items()} for side in (0, 1))
-    errors = np.array([o.error for o in outcomes], object).reshape(shape)
-    with RunFolder(Path(out), stem) as folder:
-        write_sweep(folder.path / "sweep.h5", over, values, std, errors, origin, units)
-        folder.write("config.yaml", origin["config"])
-        found = _result(study, over, values, std, errors)
-        folder.write("summary.md", markdown(found.table()) + "\n")
-        return replace(found, path=folder.keep(origin["hash"]))
+        return replace(load(done), reused=True)
+    tasks = len(cells) * study.sweep.repeats
+    with Journal(Path(out) / f"{stem}{UNFINISHED}", origin["hash"], origin["config"], tasks) as journal:
+        groups = _groups(studies, cells, base, study.sweep.repeats, journal.places())
+        run = _engine(jobs, executor, scheduler)
+        _perform(run, groups, journal, tasks, watch, fail_fast)
+        over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
+        found = _judged(gathered(study, over, journal.outcomes()), studies)
+        with RunFolder(Path(out), stem) as folder:
+            _write(found, folder, origin)
+            found = replace(found, path=folder.keep(origin["hash"]))
+        journal.discard()
+    return found
+
+
+def _judged(found: SweepResult, studies: Sequence[Study]) -> SweepResult:
+    """Return the sweep with what is true of the metrics, and the least standard error that each plan allows."""
+    names = [name for name in found.values if "@" in name]
+    if studies[0].plant is None or not names:
+        return found
+    truth = {name: np.array([true_value(s.plant, name) for s in studies if s.plant]) for name in names}
+    known = {name: column for name, column in truth.items() if np.isfinite(column).all()}
+    return replace(found, truth=known, bound=bounds(studies, tuple(known)))
 
 
 def load(path: str | Path) -> SweepResult:
     """Return the outcome kept in a sweep's folder."""
     folder = Path(path)
-    return _result(load_study(folder / "config.yaml"), *read_sweep(folder / "sweep.h5"), path=folder)
-
-
-def _result(
-    study: Study,
-    over: Mapping[str, tuple[Any, ...]],
-    values: Mapping[str, Floats],
-    std: Mapping[str, Floats],
-    errors: NDArray[Any],
-    path: Path | None = None,
-    reused: bool = False,
-) -> SweepResult:
-    checks = tuple(_check(bound.metric, values, bound.below, bound.above) for bound in study.expect)
-    return SweepResult(study.name, over, values, std, errors, checks, path, reused)
+    study = load_study(folder / "config.yaml")
+    kept = read_sweep(folder / "sweep.h5")
+    return SweepResult(study.name, **kept, expect=study.expect, path=folder)
 
 
 def combinations(declared: Sweep) -> Iterator[tuple[Any, ...]]:
@@ -174,54 +122,58 @@ def _settings(chosen: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"{path}={json.dumps(value)}" for path, value in chosen.items())
 
 
-def _outcomes(
-    tasks: Sequence[tuple[Any, tuple[str, ...], tuple[int, ...]]], jobs: int, executor: Executor | None, watch: Watch | None
-) -> Iterator[Outcome]:
-    """Yield outcomes in the order of the tasks, whoever does them."""
-    if executor is None and jobs > 1:
-        with _single_threaded(), ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            yield from _outcomes(tasks, jobs, pool, watch)
-        return
-    done = executor.map(_outcome, tasks, chunksize=max(1, len(tasks) // (8 * jobs))) if executor else map(_outcome, tasks)
-    for count, outcome in enumerate(done, 1):
-        if watch:
-            watch(count, len(tasks))
-        yield outcome
+def _groups(
+    studies: Sequence[Study], cells: Sequence[Mapping[str, Any]], base: Path, repeats: int, done: set[Place]
+) -> list[Group]:
+    """Return what is still to do: a group a cell, a spawn key a repeat."""
+    return [
+        Group((study, base), tuple((r, key(chosen, r)) for r in range(repeats) if (c, r) not in done))
+        for c, (study, chosen) in enumerate(zip(studies, cells, strict=True))
+    ]
 
 
-def _outcome(task: tuple[Any, tuple[str, ...], tuple[int, ...]]) -> Outcome:
-    """Run one repeat in memory; a fault is an outcome, not the end of the sweep."""
-    config, overrides, spawn_key = task
-    study = load_study(config, overrides)
-    base = Path(config).parent if isinstance(config, (str, Path)) else Path()
-    result = flow.execute(study, base, np.random.SeedSequence(study.seed, spawn_key=spawn_key))
+def _engine(jobs: int, executor: Executor | None, scheduler: str) -> Engine:
+    if executor is not None:
+        return engine.given(executor)
+    if scheduler:
+        return engine.dask(scheduler)
+    return engine.processes(jobs) if jobs > 1 else engine.here
+
+
+def _perform(
+    run: Engine, groups: Sequence[Group], journal: Journal, tasks: int, watch: Watch | None, fail_fast: bool
+) -> None:
+    """Do what is left, batch by batch into the journal."""
+    count = len(journal.places())
+    for cell, batch, outcomes in run(repeats, groups):
+        found = [o if isinstance(o, Outcome) else Outcome({}, f"sweep-worker: {o.reason}") for o in outcomes]
+        journal.add([((cell, repeat), each) for (repeat, _), each in zip(batch, found, strict=True)])
+        for each in found:
+            count += 1
+            if watch:
+                watch(count, tasks, each.error)
+            if each.error and fail_fast:
+                raise WhidError("sweep-failed", f"{each.error} ({count} of {tasks} finished, all of them kept)")
+
+
+def repeats(shared: tuple[Study, Path], tasks: Sequence[tuple[int, tuple[int, ...]]]) -> list[Outcome]:
+    """Run repeats of one cell in memory; a fault is an outcome, not the end of the sweep."""
+    study, base = shared
+    clean = Clean()
+    return [_outcome(study, base, spawn_key, clean) for _, spawn_key in tasks]
+
+
+def _outcome(study: Study, base: Path, spawn_key: tuple[int, ...], clean: Clean) -> Outcome:
+    result = flow.execute(study, base, np.random.SeedSequence(study.seed, spawn_key=spawn_key), clean)
     if result.error:
         return Outcome({}, f"{result.error.code}: {result.error.message}")
     numbers = {name: m if isinstance(m, Measured) else Measured(m, float("nan")) for name, m in result.metrics.items()}
-    return Outcome({name: (m.value, m.std) for name, m in numbers.items()})
+    return Outcome({name: (float(m.value), float(m.std)) for name, m in numbers.items()})
 
 
-class _single_threaded:
-    """Start workers with one BLAS thread each: they inherit the environment before they import numpy."""
-
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-    def __enter__(self) -> None:
-        self.before = {name: os.environ.get(name) for name in self.names}
-        os.environ.update(dict.fromkeys(self.names, "1"))
-
-    def __exit__(self, *_: object) -> None:
-        for name, value in self.before.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
-
-
-def _check(metric: str, values: Mapping[str, Floats], below: float | None, above: float | None) -> Check:
-    """Hold a bound against the cell mean that comes nearest to breaking it; a cell without a number breaks it."""
-    if metric not in values:
-        return Check(metric, None, below, above)
-    means = np.array([row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in values[metric]])
-    verdicts = [Check(metric, float(mean), below, above) for mean in means]
-    worst = next((check for check in verdicts if check.verdict != "pass"), None)
-    return worst or max(verdicts, key=lambda check: check.value or 0.0)
+def _write(found: SweepResult, folder: RunFolder, origin: Mapping[str, Any]) -> None:
+    write_sweep(folder.path / "sweep.h5", {name: getattr(found, name) for name in KEPT}, origin, units)
+    folder.write("config.yaml", origin["config"])
+    tables = (found.table(), found.failures())
+    folder.write("summary.md", "\n\n".join(markdown(table) for table in tables if table.rows) + "\n")
+    folder.write("sweep.csv", as_csv(tables[0]))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from whid.quantity import Cell, Measured, Table
@@ -64,6 +66,28 @@ def markdown(table: Table) -> str:
         lines.append("|" + "|".join("--:" if number else ":--" for number in right) + "|")
         lines += [_row(cell(value) for value in row) for row in table.rows]
     return "\n".join(lines + [f"\n{note}" for note in table.notes])
+
+
+def as_csv(table: Table) -> str:
+    """Return a table as CSV: full precision, a column `<name> error` beside every one that holds `Measured`.
+
+    >>> print(as_csv(Table("Fit", ("what", "rms"), (("report", Measured(0.298, 0.004)), ("selection", None)))), end="")
+    what,rms,rms error
+    report,0.298,0.004
+    selection,,
+    """
+    wide = [any(isinstance(row[j], Measured) for row in table.rows) for j in range(len(table.columns))]
+
+    def spread(cells: Iterable[Cell]) -> Iterator[object]:
+        for value, two in zip(cells, wide, strict=True):
+            yield from (value if isinstance(value, Measured) else (value, None)) if two else (value,)
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = zip(table.columns, wide, strict=True)
+    writer.writerow([name for column, two in names for name in ((column, f"{column} error") if two else (column,))])
+    writer.writerows(list(spread(row)) for row in table.rows)
+    return text.getvalue()
 
 
 def as_json(table: Table) -> dict[str, Any]:

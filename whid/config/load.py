@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 from pydantic_core import ValidationError
@@ -28,9 +29,28 @@ def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides
     Traceback (most recent call last):
     whid.errors.Faults: identify: is missing
     """
+    return study_of(_document(source), overrides)
+
+
+def load_variants(
+    source: str | pathlib.Path | Mapping[str, Any] | Study, variants: Sequence[Sequence[str]]
+) -> Iterator[Study]:
+    """Yield the study under one list of overrides after another; the text is parsed once, every variant is judged whole.
+
+    >>> study = {"name": "a", "data": {"file": "a.csv", "dt": 1, "columns": {"input": "u", "output": "y"}},
+    ...          "identify": {"kind": "fit"}}
+    >>> [each.seed for each in load_variants(study, [["seed=1"], ["seed=2"]])]
+    [1, 2]
+    """
+    document = _document(source)
+    for overrides in variants:
+        yield study_of(copy.deepcopy(document), overrides)
+
+
+def _document(source: str | pathlib.Path | Mapping[str, Any] | Study) -> Document:
     if isinstance(source, (str, pathlib.Path)):
-        return study_of(parse(read_text(source), str(source)), overrides)
-    return study_of(Document(_builtin(plain(source))), overrides)
+        return parse(read_text(source), str(source))
+    return Document(_builtin(plain(source)))
 
 
 def as_system(tree: Mapping[str, Any] | str) -> System:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, MinLen
+import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
 
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files.source import DataSource
 from whid.methods._method import Method
 from whid.papers._exhibit import Exhibit, Published
+from whid.result import Check
+from whid.signal import Floats
 from whid.system import System
 from whid.trace import Trace
 
@@ -30,17 +34,62 @@ NAME = Match(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", "1 to 64 letters, digits, `-`
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """One line of `expect:`, such as {metric: report.rms, below: 0.31}; a missing or NaN metric never passes."""
+    """One line of `expect:`, such as {metric: report.rms, below: 0.31}; a missing or NaN metric never passes.
+
+    Of a run the metric's value is judged, of a sweep the mean of every cell. confidence 0.95: the upper (against `below`) or
+    lower (against `above`) 95 % limit of that mean, of a run that of the value with its standard error. quantile 0.9: nine
+    repeats in ten; of a run, of the normal distribution that value and standard error make.
+    """
 
     metric: Annotated[str, MinLen(1)]
     below: float | None = None
     above: float | None = None
+    confidence: Annotated[float, Gt(0.5), Lt(1)] | None = None
+    quantile: Annotated[float, Gt(0), Lt(1)] | None = None
 
     def __post_init__(self) -> None:
         if self.below is None and self.above is None:
             raise WhidError("config-value", "a bound needs `below:`, `above:` or both")
         if self.below is not None and self.above is not None and self.above >= self.below:
             raise WhidError("config-value", f"nothing is above {self.above:g} and below {self.below:g}")
+        if self.confidence is not None and self.quantile is not None:
+            raise WhidError("config-value", "a bound is on the mean's `confidence:` limit or on a `quantile:`, not both")
+
+    def checks(self, values: Floats, std: float = float("nan")) -> Iterator[Check]:
+        """Yield the bound held against repeats (n,), or against one value and its standard error.
+
+        >>> [check.value for check in Bound(metric="m", below=9, quantile=0.5).checks(np.array([1.0, 2.0, 6.0]))]
+        [2.0]
+        >>> [round(check.value, 2) for check in Bound(metric="m", below=9, confidence=0.95).checks(np.array([1.0]), 0.1)]
+        [1.16]
+        """
+        if self.confidence is None or self.below is None or self.above is None:
+            yield Check(self.metric, self._statistic(values, std, self.below is None), self.below, self.above, self.of)
+        else:
+            yield Check(self.metric, self._statistic(values, std, False), self.below, None, self.of)
+            yield Check(self.metric, self._statistic(values, std, True), None, self.above, self.of)
+
+    @property
+    def of(self) -> str:
+        """Say what of the metric is judged, "" for its value."""
+        if self.quantile is not None:
+            return f"{self.quantile:.6g} quantile"
+        return "" if self.confidence is None else f"{100 * self.confidence:.6g} % limit"
+
+    def _statistic(self, values: Floats, std: float, lower: bool) -> float | None:
+        from scipy.special import ndtri, stdtrit
+
+        n = len(values)
+        if n == 0:
+            return None
+        mean = float(values.mean())
+        if self.quantile is not None:
+            return float(np.quantile(values, self.quantile)) if n > 1 else mean + float(ndtri(self.quantile)) * std
+        if self.confidence is None:
+            return mean
+        error, times = (float(values.std(ddof=1)) / n**0.5, stdtrit(n - 1, self.confidence)) if n > 1 else (
+            std, ndtri(self.confidence))  # fmt: skip
+        return mean - float(times) * error if lower else mean + float(times) * error
 
 
 @dataclass(frozen=True, kw_only=True)

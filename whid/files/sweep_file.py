@@ -9,51 +9,47 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+KEPT = ("over", "values", "std", "errors", "truth", "bound")  # of a `SweepResult`
 
 
-def write_sweep(
-    path: Path,
-    over: Mapping[str, tuple[Any, ...]],
-    values: Mapping[str, Floats],
-    std: Mapping[str, Floats],
-    errors: NDArray[Any],
-    origin: Mapping[str, Any],
-    metric_units: Callable[[str], str],
-) -> None:
-    """Write cells (the swept values), metrics with `<name>_errors`, failures and provenance."""
+def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any], metric_units: Callable[[str], str]) -> None:
+    """Write what a `SweepResult` holds under the names `KEPT`; metrics have their `<name>_errors` beside them."""
     with h5py.File(path, "w") as file:
         file.attrs["NX_class"] = "NXroot"
-        file.attrs["over"] = json.dumps(over)  # the swept values exactly as they were declared
+        file.create_dataset("over", data=json.dumps(found["over"]))  # the swept values exactly as they were declared
         cells = file.create_group("cells")
-        for name, column in over.items():
+        for name, column in found["over"].items():
             numeric = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in column)
             data = np.array(column, float) if numeric else [str(v) for v in column]
             cells.create_dataset(name, data=data).make_scale(name)
-        repeat = file.create_dataset("repeat", data=np.arange(errors.shape[1]))
+        repeat = file.create_dataset("repeat", data=np.arange(found["errors"].shape[1]))
         repeat.make_scale("repeat")
-        group = file.create_group("metrics")
-        for name, array in values.items():
-            for dataset in (
-                group.create_dataset(name, data=array),
-                group.create_dataset(f"{name}_errors", data=std[name]),
-            ):
+        group = file.create_group("metrics", track_order=True)
+        for name, array in found["values"].items():
+            both = {name: array, f"{name}_errors": found["std"][name]}
+            for dataset in (group.create_dataset(each, data=data) for each, data in both.items()):
                 dataset.attrs["units"] = metric_units(name)
                 for scale in cells.values():
                     dataset.dims[0].attach_scale(scale)
                 dataset.dims[1].attach_scale(repeat)
-        file.create_dataset("failures", data=errors.astype(h5py.string_dtype()), dtype=h5py.string_dtype())
+        for kind in ("truth", "bound"):
+            columns = file.create_group(kind)
+            for name, column in found[kind].items():
+                columns.create_dataset(name, data=column).attrs["units"] = metric_units(name)
+        failures = found["errors"].astype(h5py.string_dtype())
+        file.create_dataset("failures", data=failures, dtype=h5py.string_dtype(), compression="gzip")
         for name, value in origin.items():
             file.attrs[name] = value if isinstance(value, (str, int, float)) else str(value)
 
 
-def read_sweep(path: Path) -> tuple[dict[str, tuple[Any, ...]], dict[str, Floats], dict[str, Floats], NDArray[Any]]:
-    """Return what `write_sweep` wrote: swept values, metrics, their standard errors, failures."""
+def read_sweep(path: Path) -> dict[str, Any]:
+    """Return what `write_sweep` wrote, by the same names."""
     with h5py.File(path) as file:
-        over = {name: tuple(values) for name, values in json.loads(str(file.attrs["over"])).items()}
+        over = {name: tuple(values) for name, values in json.loads(file["over"].asstr()[()]).items()}
         found = {name: np.asarray(dataset) for name, dataset in file["metrics"].items()}
         errors = np.asarray(file["failures"].asstr()[()], object)
+        judged = {kind: {name: np.asarray(d) for name, d in file[kind].items()} for kind in ("truth", "bound")}
     values = {name: array for name, array in found.items() if not name.endswith("_errors")}
-    return over, values, {name: found[f"{name}_errors"] for name in values}, errors
+    std = {name: found[f"{name}_errors"] for name in values}
+    return {"over": over, "values": values, "std": std, "errors": errors, **judged}
