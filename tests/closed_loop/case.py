@@ -63,7 +63,8 @@ def draw_case(seed: int, effects: Sequence[str], size: float, *, family: str | N
         found.append({"kind": entry.kind, "place": entry.place, "size": seen, "parameters": drawn.truth(strength)})
     noise = scene.noise.draw(len(scene.plan.u), np.random.default_rng([seed, 3]))
     y = world.measured(scene.plan, noise).astype(np.float32).astype(float)
-    return _case(seed, scene, entries, found, y, size)
+    floor = float(np.sqrt(np.mean(noise[~scene.plan.estimation] ** 2)))
+    return _case(seed, scene, entries, found, y, size, floor)
 
 
 def _scene(seed: int, entries: Sequence[Hidden], family: str | None, coloured: bool) -> Scene:
@@ -136,7 +137,9 @@ def _quieter(scene: Scene, drawn: Drawn, size: float) -> tuple[Scene, float, flo
     return again, 1.0, again.size(drawn.knob(1.0)(again.world), random=False, noise_seed=np.random.SeedSequence(0))
 
 
-def _case(seed: int, scene: Scene, entries: Sequence[Hidden], found: list[dict[str, Any]], y: Floats, size: float) -> Case:
+def _case(
+    seed: int, scene: Scene, entries: Sequence[Hidden], found: list[dict[str, Any]], y: Floats, size: float, floor: float
+) -> Case:
     name = f"case-{seed}"
     rng = np.random.default_rng([seed, 4])
     truth = {
@@ -146,6 +149,7 @@ def _case(seed: int, scene: Scene, entries: Sequence[Hidden], found: list[dict[s
         "size": size if entries else 0.0,
         "noise_std": scene.noise.whole,
         "innovation_std": scene.noise.std,
+        "report_noise_rms": floor,
         "outside": any(entry.place == "outside" for entry in entries),
         "random": any(entry.random for entry in entries),
         "effects": [e | {"alike": list(entry.alike(scene))} for e, entry in zip(found, entries, strict=True)],

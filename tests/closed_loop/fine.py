@@ -128,8 +128,12 @@ class Static:
 
 
 def played(x: Floats, gap: float) -> Floats:
-    """Return the play operator: the output rests until x has crossed the gap, then follows x ∓ gap/2; at first centred."""
-    half, w = gap / 2, float(x[0])
+    """Return the play operator: the output rests until x has crossed the gap, then follows x ∓ gap/2.
+
+    Before the first sample x came straight from 0, where the output stood in the middle.
+    """
+    half = gap / 2
+    w = float(np.clip(0.0, x[0] - half, x[0] + half))
     out = np.empty(len(x))
     for k, value in enumerate(x.tolist()):
         if w < value - half:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.closed_loop.fine import Backlash, Element, Filter, Fine, Floats, Series, Static
+from tests.closed_loop.fine import Backlash, Element, Filter, Fine, Floats, Static
 
 ROUGH = 0.20  # start values are up to this much wrong, of their own size
 MOVED = 0.03  # breakpoints up to this much of the range of what goes in
@@ -24,15 +24,14 @@ class Part:
     """One declared block."""
 
     numbers: tuple[float, ...]
-    kind: str  # linear: (gain, denominator …, 1); curve kinds; backlash: (slope, gap)
+    kind: str  # linear: (gain, denominator …, 1); the kinds of curve; backlash: (gap,)
 
     def element(self) -> Element:
         """Return what it does."""
         if self.kind == "linear":
             return Filter((self.numbers[0],), self.numbers[1:])
         if self.kind == "backlash":
-            slope, gap = self.numbers
-            return Series((Backlash(gap), Static(lambda v: slope * v)))
+            return Backlash(self.numbers[0])
         return Static(self.curve, self.jumps)
 
     @property
@@ -89,8 +88,7 @@ class Part:
         if self.kind in ("dead_zone", "saturation"):
             return {"kind": self.kind, "low": n[0], "high": n[1], "slope": n[2]}
         if self.kind == "backlash":
-            slope, gap = n
-            return {"kind": "backlash", "rising": [-slope * gap / 2, slope], "falling": [slope * gap / 2, slope]}
+            return {"kind": "backlash", "gap": n[0]}
         pieces, breaks = [[n[0], n[1]]], []
         for b, jump, bend in np.reshape(n[2:], (-1, 3)).tolist():
             c, s = pieces[-1]
@@ -154,7 +152,7 @@ def draw_plant(rng: np.random.Generator, family: str, low: float, high: float, d
         linear("front")
     if family == "backlash":
         gap = rng.uniform(0.08, 0.2) * (high - low)
-        parts.append(Part((float(rng.uniform(0.7, 1.5)), float(gap)), "backlash"))
+        parts.append(Part((float(gap),), "backlash"))
         place["nonlinearity"] = 1
     elif family != "linear":
         static("nonlinearity", curve)

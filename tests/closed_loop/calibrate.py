@@ -1,0 +1,248 @@
+"""The calibration sweep of the closed loop: hidden effects, unseen plants, a confusion matrix.
+
+python -m tests.closed_loop.calibrate configs/closed_loop/calibration.yaml [--jobs 2] [--minutes 20] [--set plants=2]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import asdict, dataclass, fields, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from tests.closed_loop.case import NotVisible, draw_case, write
+from tests.closed_loop.hidden import EFFECTS, OUTSIDE
+from tests.closed_loop.score import Score, score
+from tests.closed_loop.tables import page, picture
+
+ATTEMPTS = 6  # plants, until one can show the effect at the size
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the YAML file declares."""
+
+    name: str
+    seed: int = 50000
+    effects: tuple[str, ...] | str = "all"
+    sizes: tuple[float, ...] = (0.1, 0.5, 3.0)
+    plants: int = 10
+    controls: int = 200
+    pairs: int = 40
+    outside: int = 10
+
+    @classmethod
+    def read(cls, path: Path, overrides: Sequence[str] = ()) -> Calibration:
+        """Return the calibration of a file, some values replaced (KEY=VALUE)."""
+        values = yaml.safe_load(path.read_text()) | {k: yaml.safe_load(v) for k, v in (o.split("=", 1) for o in overrides)}
+        if unknown := set(values) - {field.name for field in fields(cls)}:
+            raise SystemExit(f"{path}: no such key: {', '.join(sorted(unknown))}")
+        found = cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+        if unknown := set(found.names) - set(EFFECTS):
+            raise SystemExit(f"{path}: no such effect: {', '.join(sorted(unknown))}; there are {', '.join(EFFECTS)}")
+        return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the effects."""
+        return tuple(EFFECTS) if self.effects == "all" else tuple(self.effects)
+
+    def cells(self) -> list[Cell]:
+        """Return every cell, in an order whose beginning is a balanced sample of the whole."""
+        rows: list[tuple[float, Cell]] = []
+
+        def spread(cells: list[Cell]) -> None:
+            rows.extend(((k + 0.5) / len(cells), cell) for k, cell in enumerate(cells))
+
+        catalogue, outside = [*EFFECTS], [*OUTSIDE]
+        spread([Cell("control", (), 0.0, self.seed + 7 * k, k % 2 == 1) for k in range(self.controls)])
+        spread(
+            [
+                Cell("one", (name,), size, self.seed + 100_000 + 1000 * catalogue.index(name) + 10 * k, k % 5 == 4)
+                for k in range(self.plants) for name in self.names for size in self.sizes
+            ]
+        )  # fmt: skip
+        spread(
+            [
+                Cell("outside", (name,), size, self.seed + 200_000 + 1000 * outside.index(name) + 10 * k, False)
+                for k in range(self.outside) for name in OUTSIDE for size in self.sizes
+            ]
+        )  # fmt: skip
+        large = [size for size in self.sizes if size >= 0.5] or list(self.sizes)
+        spread([Cell("two", (), large[k % len(large)], self.seed + 300_000 + 10 * k, False) for k in range(self.pairs)])
+        return [cell for _, cell in sorted(rows, key=lambda row: row[0])]
+
+
+class Cell(NamedTuple):
+    """One record to be traced."""
+
+    group: str  # control, one, two, outside
+    effects: tuple[str, ...]  # of `two` drawn from the seed
+    size: float
+    seed: int
+    coloured: bool
+
+    @property
+    def key(self) -> str:
+        """Return its name, which a resumed sweep knows it by."""
+        return f"{self.group}:{'+'.join(self.effects)}:{self.size:g}:{self.seed}:{int(self.coloured)}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a cell: one line of cells.csv."""
+
+    key: str
+    group: str
+    hidden: str
+    size: float
+    seed: int
+    family: str
+    coloured: bool
+    random: bool
+    outcome: str
+    said: str
+    over: float
+    seconds: float
+    note: str = ""
+
+
+def run(cell: Cell) -> Row:
+    """Draw a cell's case, have it traced, score the answer. Effects that no plant of the cell shows are `not visible`."""
+    case, hidden = _drawn(cell)
+    row = Row(cell.key, cell.group, "+".join(hidden), cell.size, cell.seed, "", cell.coloured, False, "", "", np.nan, np.nan)
+    if case is None:
+        return replace(row, outcome="not visible")
+    with tempfile.TemporaryDirectory() as folder:
+        answer, note = traced(write(case, Path(folder)), Path(folder) / "runs")
+    found: Score = score(case.truth, answer)
+    said = dict(zip(("outcome", "said", "over", "seconds"), found, strict=True))
+    return replace(row, family=case.truth["family"], random=case.truth["random"], note=note, **said)
+
+
+def _drawn(cell: Cell) -> tuple[Any, tuple[str, ...]]:
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([cell.seed, attempt, 5])
+        hidden = cell.effects or (_pair(rng) if cell.group == "two" else ())
+        try:
+            return draw_case(cell.seed + attempt, hidden, cell.size, coloured=cell.coloured), hidden
+        except NotVisible:
+            continue
+    return None, cell.effects
+
+
+def _pair(rng: np.random.Generator) -> tuple[str, str]:
+    """Return two effects of different kinds at different places."""
+    while True:
+        one, two = (str(name) for name in rng.choice([*EFFECTS], 2, replace=False))
+        if EFFECTS[one].place != EFFECTS[two].place and EFFECTS[one].kind != EFFECTS[two].kind:
+            return one, two
+
+
+def traced(study: Path, out: Path) -> tuple[dict[str, Any] | None, str]:
+    """Return what `whid trace` says of a study, as a program reads it, or None and why there is no answer."""
+    from click.testing import CliRunner
+
+    from whid.cli import main
+
+    told = CliRunner().invoke(main, ["trace", str(study), "--json", "--out", str(out)])
+    try:
+        answer = json.loads(told.stdout)
+        assert {"verdict", "effects", "equivalent", "after", "seconds"} <= set(answer)
+    except (ValueError, AssertionError):
+        return None, f"exit {told.exit_code}: {' '.join(told.stderr.split())[:300]}"
+    return answer, ""
+
+
+def sweep(
+    cells: Sequence[Cell], log: Path, jobs: int = 1, minutes: float = np.inf, watch: Callable[[Row], None] | None = None
+) -> list[Row]:
+    """Return the rows of all cells that are done: those of `log`, and those run now, appended to it one by one."""
+    known = {row.key: row for row in _read(log)}
+    todo = [cell for cell in cells if cell.key not in known]
+    end = time.monotonic() + 60 * minutes
+    with log.open("a") as file:
+        for row in _rows(todo, jobs, end):
+            known[row.key] = row
+            file.write(json.dumps(asdict(row)) + "\n")
+            file.flush()
+            if watch:
+                watch(row)
+    return [known[cell.key] for cell in cells if cell.key in known]
+
+
+def _read(log: Path) -> Iterator[Row]:
+    if log.exists():
+        yield from (Row(**json.loads(line)) for line in log.read_text().splitlines() if line.endswith("}"))
+
+
+def _rows(cells: Sequence[Cell], jobs: int, end: float) -> Iterator[Row]:
+    """Yield rows until the time is up, in the cells' order."""
+    if jobs == 1:
+        for cell in cells:
+            if time.monotonic() > end:
+                return
+            yield run(cell)
+        return
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield from _pooled(pool, cells, jobs, end)
+
+
+def _pooled(pool: Executor, cells: Sequence[Cell], jobs: int, end: float) -> Iterator[Row]:
+    """Keep an engine busy, a few cells at a time."""
+    for first in range(0, len(cells), 4 * jobs):
+        if time.monotonic() > end:
+            return
+        yield from pool.map(run, cells[first : first + 4 * jobs])
+
+
+def report(rows: Sequence[Row], folder: Path, title: str) -> str:
+    """Write cells.csv, summary.md and confusion.png; return the page."""
+    with (folder / "cells.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(Row)])
+        table.writeheader()
+        table.writerows(asdict(row) for row in rows)
+    text = page(rows, title)
+    (folder / "summary.md").write_text(text)
+    picture(rows, folder / "confusion.png", title)
+    return text
+
+
+def _tell(row: Row) -> None:
+    print(f"{row.outcome:11s} {row.hidden or 'nothing'} {row.size:g} {row.family}: {row.said} {row.note}", flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> Path:
+    """Run the sweep of a file and print its page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so many; run again to go on")
+    parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--out", type=Path, default=Path("runs"))
+    given = parser.parse_args(arguments)
+    declared = Calibration.read(given.config, given.overrides)
+    digest = hashlib.sha256(json.dumps(asdict(declared), sort_keys=True).encode()).hexdigest()[:10]
+    folder = given.out / f"{declared.name}-{digest}"
+    folder.mkdir(parents=True, exist_ok=True)
+    cells = declared.cells()
+    rows = sweep(cells, folder / "cells.jsonl", given.jobs, given.minutes, _tell)
+    print(report(rows, folder, f"{declared.name}, seeds from {declared.seed}: {len(rows)} of {len(cells)} cells"))
+    return folder
+
+
+if __name__ == "__main__":
+    main()
