@@ -13,7 +13,7 @@ from whid.blocks.linear import Linear
 from whid.config.study import Bound, Study
 from whid.disturbances.white import White
 from whid.errors import WhidError
-from whid.experiments._experiment import Experiment
+from whid.experiments._experiment import Adaptive, Experiment
 from whid.experiments.hold import Hold
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
@@ -30,6 +30,7 @@ PLANT = System(
 )
 EXPERIMENT = Experiment(
     dt=0.05,
+    adaptive=Adaptive(),
     parts=(
         Staircase(from_=-2.0, to=2.0, step=0.5, hold_s=5.0, return_=True),
         Sine(offset=1.0, amplitude=0.8, samples_per_period=(80.0, 40.0), periods=6),

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,10 @@ from tests.small_study import EXPERIMENT, PLANT, Levels, SmallStudy, bound, smal
 from whid import flow, plots
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
+from whid.experiments._experiment import Adaptive
+from whid.experiments.hold import Hold
 from whid.files.source import DataSource
+from whid.methods._method import Answered, Wanted
 from whid.record import Record
 from whid.result import Check
 from whid.signal import held
@@ -102,7 +105,9 @@ def test_a_wish_is_granted_on_a_simulated_plant(tmp_path):
     assert [record.name for record in result.records] == ["record", "wanted_1"]
     assert result.records[1].parts[0].level == 0.25
     assert result.stages["levels_2"].mean[0] == pytest.approx(0.0, abs=0.03)  # inside the dead zone; 50 samples of 0.05
-    assert result.asked == (flow.Asked("a level inside the dead zone", 0.01, 1, True),)
+    plan = ({"kind": "hold", "level": 0.25, "hold_s": 5.0},)
+    asked = flow.Asked("a level inside the dead zone", 0.01, "", plan, 100, "wanted_1")
+    assert result.asked == flow.load(result.path).asked == (asked,)
 
 
 def test_a_wish_is_not_granted_on_measured_data_and_the_method_finishes(tmp_path):
@@ -116,9 +121,45 @@ def test_a_wish_is_not_granted_on_measured_data_and_the_method_finishes(tmp_path
     result = flow.run(small_study(**config | {"data": replace(source, file=str(tmp_path / "data.csv"))}), tmp_path)
     assert result.error is None
     assert list(result.stages) == ["levels", "model"]
-    assert [asked.performed for asked in result.asked] == [False]
+    assert [asked.refused for asked in result.asked] == ["the data are measured: `whid next` writes the plan"]
+    assert result.asked[0].record == ""
     assert result.truth is None
     np.testing.assert_allclose(result.stages["levels"].mean, flow.run(small_study(), tmp_path).stages["levels"].mean)
+
+
+@pytest.mark.parametrize(
+    ("adaptive", "why"),
+    [
+        (None, "no `adaptive:` in the experiment"),
+        (Adaptive(max_samples=99), "beyond the budget: 100 samples more, 0 of 99 used"),
+    ],
+)
+def test_a_wish_beyond_the_budget_is_refused_and_the_method_finishes(tmp_path, adaptive, why):
+    result = flow.run(small_study(experiment=(replace(EXPERIMENT, adaptive=adaptive),)), tmp_path)
+    assert result.error is None
+    assert list(result.stages) == ["levels", "model"]
+    assert [asked.refused for asked in result.asked] == [why]
+    assert why in (result.path / "summary.md").read_text()
+
+
+def test_the_budget_is_for_all_wishes_together_and_answers_are_kept(tmp_path):
+    @dataclass(frozen=True, kw_only=True)
+    class Greedy(SmallStudy):
+        def __call__(self, records, model=None):
+            for count in (3, 2, 1):
+                if (yield Wanted(tuple(Hold(level=1.0, hold_s=1.0) for _ in range(count)), "more", 0.1, "it")) is not None:
+                    yield Answered(f"{count} told")
+            yield from super().__call__(records, model)
+
+    study = small_study(experiment=(replace(EXPERIMENT, adaptive=Adaptive(max_experiments=4)),))
+    result = flow.run(replace(study, identify=Greedy(wants=False)), tmp_path)
+    assert [(asked.answer, asked.refused) for asked in result.asked] == [
+        ("3 told", ""), ("", "beyond the budget: 2 experiments more, 3 of 4 used"), ("1 told", "")
+    ]  # fmt: skip
+    assert [record.name for record in result.records] == ["record", "wanted_1", "wanted_3"]
+    (table,) = (t for t in result.tables if t.title == "Experiments asked for")
+    assert table.rows[0] == (1, "more", "3 holds, 60 samples", "0.1 of it", "3 told")
+    assert flow.load(result.path).asked == result.asked
 
 
 def test_the_method_never_sees_a_report_part(tmp_path, monkeypatch):
@@ -200,7 +241,7 @@ def test_a_bound_holds_strictly_and_never_for_nan():
 
 def test_a_study_beyond_the_memory_is_refused_before_it_starts(tmp_path):
     with pytest.raises(WhidError, match="needs about 200 MB, 1 MB are allowed") as fault:
-        flow.run(small_study(), tmp_path / "runs", max_memory=1e6)
+        flow.run(small_study(experiment=(replace(EXPERIMENT, adaptive=None),)), tmp_path / "runs", max_memory=1e6)
     assert fault.value.code == "memory"
     assert not (tmp_path / "runs").exists()
 

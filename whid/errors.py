@@ -248,6 +248,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Run `whid table CONFIG` and move the `.expected.csv` of its folder beside the config.",
         NOT_MEASURED,
     ),
+    "next-nothing": Explanation(
+        "A run has no experiment to propose: its method asked for none, or all were performed.",
+        "See in the summary what is missing or in doubt; more of the same experiments makes every error smaller.",
+        FAILED,
+    ),
     "fit-no-data": Explanation(
         "There is nothing to fit: no record has valid samples for estimation, or the model has no free number.",
         "Declare parts with `use: estimation`; remove `fix: true` from what is to be fitted.",

@@ -30,7 +30,8 @@ from whid.files.provenance import provenance
 from whid.files.result import read_result, write_result
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
-from whid.methods._method import Model, Wanted
+from whid.kinds import plain
+from whid.methods._method import Answered, Model, Wanted
 from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
@@ -198,21 +199,44 @@ class _Work:
         answer: Record | None = None
         try:
             while True:
-                found = stages.send(answer)
-                answer = self.serve(found) if isinstance(found, Wanted) else None
-                if not isinstance(found, Wanted):
+                found, answer = stages.send(answer), None
+                if isinstance(found, Wanted):
+                    answer = self.serve(found)
+                elif isinstance(found, Answered):
+                    self.asked[-1] = self.asked[-1]._replace(answer=found.text)
+                else:
                     self.collect(found)
         except StopIteration:
             if "model" not in self.stages:
                 raise WhidError("method-failed", "the method yielded no model") from None
 
     def serve(self, wanted: Wanted) -> Record | None:
-        """Perform an experiment on a simulated plant; measured data cannot answer."""
-        experiments = self.study.experiment
-        self.asked.append(Asked(wanted.reason, wanted.predicted_se, len(wanted.plan), bool(experiments)))
-        if not experiments:
-            return None
-        return _open(self.perform(replace(experiments[0], parts=wanted.plan, name=f"wanted_{len(self.asked)}")))
+        """Perform an experiment on a simulated plant within its budget; log it, and why it was not."""
+        name = f"wanted_{len(self.asked) + 1}"
+        like = next(iter(self.study.experiment), None)
+        experiment = Experiment(dt=self.records[0].dt, parts=wanted.plan, name=name)
+        experiment = replace(like, parts=wanted.plan, name=name) if like else experiment
+        plan, samples = tuple(plain(part) for part in wanted.plan), experiment.samples()
+        asked = Asked(wanted.reason, float(wanted.predicted_se), wanted.of, plan, samples)
+        refused = self.refusal(experiment)
+        self.asked.append(asked._replace(refused=refused) if refused else asked._replace(record=name))
+        return None if refused else _open(self.perform(experiment))
+
+    def refusal(self, experiment: Experiment) -> str:
+        """Return why an experiment asked for is not performed, "" if it is: measured data, no budget, beyond the budget."""
+        if not self.study.experiment:
+            return "the data are measured: `whid next` writes the plan"
+        if experiment.adaptive is None:
+            return "no `adaptive:` in the experiment"
+        done = [asked for asked in self.asked if asked.record]
+        limits = experiment.adaptive
+        for what, limit, used, more in (
+            ("experiments", limits.max_experiments, sum(len(asked.plan) for asked in done), len(experiment.plan())),
+            ("samples", limits.max_samples, sum(asked.samples for asked in done), experiment.samples()),
+        ):
+            if used + more > limit:
+                return f"beyond the budget: {more} {what} more, {used} of {limit} used"
+        return ""
 
     def collect(self, stage: Any) -> None:
         """Keep a stage's result under its class' name, numbered from the second of a class on."""

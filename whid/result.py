@@ -61,12 +61,19 @@ def judged(checks: Iterable[Check]) -> int:
 
 
 class Asked(NamedTuple):
-    """An experiment that a method asked for (`Wanted`), and whether the runner could perform it."""
+    """An experiment that a method asked for (`Wanted`): its parts as YAML holds them, and what became of it.
+
+    record: the name of the Record that answered it, "" where it was `refused`, with the reason; answer: what it told.
+    """
 
     reason: str
     predicted_se: float
-    parts: int
-    performed: bool
+    of: str
+    plan: tuple[dict[str, Any], ...]
+    samples: int
+    record: str = ""
+    refused: str = ""
+    answer: str = ""
 
 
 class Failure(NamedTuple):

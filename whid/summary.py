@@ -215,8 +215,17 @@ def _metrics(result: Result) -> Table:
 
 
 def _asked(result: Result) -> Table:
-    rows = tuple((a.reason, a.predicted_se, "yes" if a.performed else "no: the data are measured") for a in result.asked)
-    return Table("Experiments asked for", ("reason", "predicted standard error", "performed"), rows)
+    """Return every experiment that the method asked for: why, what it was to tell, and what came of it."""
+    rows = []
+    for k, asked in enumerate(result.asked, 1):
+        counts = Counter(str(part["kind"]) for part in asked.plan)
+        plan = ", ".join(f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items())
+        told = f"not performed: {asked.refused}" if asked.refused else asked.answer or "performed"
+        predicted = f"{asked.predicted_se:.2g}{f' of {asked.of}' * bool(asked.of)}"
+        rows.append((k, asked.reason, f"{plan}, {asked.samples} samples", predicted, told))
+    columns = ("no.", "reason", "experiment", "predicted standard error", "what it told")
+    note = ("`whid next RUN` writes what was not performed as a plan",) if any(a.refused for a in result.asked) else ()
+    return Table("Experiments asked for", columns, tuple(rows), note)
 
 
 def expected(checks: Sequence[Check], metrics: Sequence[str] = ()) -> Table:

@@ -24,6 +24,7 @@ def memory(study: Study, base: Path = Path()) -> int:
     """
     try:
         simulated = sum(experiment.samples() for experiment in study.experiment)
+        simulated += max((each.adaptive.max_samples for each in study.experiment if each.adaptive), default=0)
     except (OverflowError, MemoryError):
         return sys.maxsize
     return min(START + SAMPLE * simulated + sum(_file(source, base) for source in study.sources), sys.maxsize)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ def overview(study: Study, base: Path = Path()) -> Table:
         samples = experiment.samples()
         rows.append((experiment.name, f"{samples} samples of {experiment.dt:.6g} s, {samples * experiment.dt:.6g} s in all"))
         rows += [("", brief(plain(part))) for part in experiment.parts]
+        rows += [("adaptive", brief(asdict(experiment.adaptive)))] if experiment.adaptive else []
     rows += [(source.name, brief(plain(source))) for source in study.sources]
     if study.model:
         rows.append(("model", text_of(study.model)))

@@ -6,10 +6,18 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt, MinLen
+from annotated_types import Ge, Gt, MinLen
 
 from whid.experiments._part import Part
 from whid.signal import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adaptive:
+    """What a method may ask for beyond the plan: so many experiments (a hold, a sine, …), so many samples in all."""
+
+    max_experiments: Annotated[int, Ge(1)] = 50
+    max_samples: Annotated[int, Ge(1)] = 200_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +27,7 @@ class Experiment:
     dt          sampling time, s
     intersample what the input does between samples
     initial     state before the first sample: rest, or steady at the first input
+    adaptive    what the method may ask for in addition, of the plant as here; left out: nothing
     path        exact: blocks act between samples, hard nonlinearities switch where they switch; sampled: at samples only
     """
 
@@ -27,6 +36,7 @@ class Experiment:
     intersample: Literal["zoh", "foh", "bandlimited", "discrete"] = "zoh"
     initial: Literal["rest", "steady"] = "rest"
     path: Literal["exact", "sampled"] = "exact"
+    adaptive: Adaptive | None = None
     name: str = "record"
 
     def plan(self) -> tuple[Part, ...]:

@@ -63,7 +63,7 @@ def read_result(path: Path, tree: Tree) -> Result:
                 residuals=tuple(r for r in residuals if r is not None),
                 metrics={name: _number(item) for name, item in file["metrics"].items() if not name.endswith("_errors")},
                 checks=tuple(Check(*row) for row in kept["checks"]),
-                asked=tuple(Asked(*row) for row in kept["asked"]),
+                asked=tuple(Asked(*row)._replace(plan=tuple(row[3])) for row in kept["asked"]),
                 warnings=tuple(kept["warnings"]),
                 error=Failure(*kept["error"]) if kept["error"] else None,
                 tables=tuple(_table(row) for row in kept["tables"]),

@@ -15,13 +15,22 @@ from whid.system import System
 
 
 class Wanted(NamedTuple):
-    """An experiment a method asks for. The runner performs it on a simulated plant and sends the Record back; on
-    measured data it sends None, and the method finishes with what it has.
+    """An experiment a method asks for, and what it predicts: the standard error `of` something, in that one's unit.
+
+    The runner performs it on a simulated plant, as far as `adaptive:` allows, and sends the Record back; otherwise it sends
+    None, the method finishes with what it has, and `whid next` writes the plan for the rig.
     """
 
     plan: tuple[Part, ...]
     reason: str
     predicted_se: float
+    of: str = ""
+
+
+class Answered(NamedTuple):
+    """What the experiment asked for last has told, in a few words for the list of experiments."""
+
+    text: str
 
 
 class Model(NamedTuple):
@@ -36,7 +45,7 @@ class Model(NamedTuple):
     missing: tuple[str, ...] = ()
 
 
-Stages = Generator[Any, Record | None, None]  # yields stage results (NamedTuples) and Wanted; the Model comes last
+Stages = Generator[Any, Record | None, None]  # yields stage results (NamedTuples), Wanted and Answered; the Model last
 
 
 @dataclass(frozen=True, kw_only=True)
