@@ -111,7 +111,7 @@ class ChainFit:
 
         def tangent(free: Floats) -> Floats:
             theta, change = self.met(free)
-            return evaluated(theta)[1] @ change
+            return evaluated(theta)[1] @ change if self.static.kinks else evaluated(theta)[1]
 
         full = self.parameters()
         found = least_squares(
@@ -122,7 +122,9 @@ class ChainFit:
 
     def met(self, free: Floats) -> tuple[Floats, Floats]:
         """Return all parameters (P,) from the independent ones, and their derivative (P, independent)."""
-        theta, change = np.zeros(len(self.parameters())), np.eye(len(self.parameters()))[:, self._independent]
+        if not self.static.kinks:
+            return free, self._spread
+        theta, change = np.zeros(len(self._spread)), self._spread.copy()
         theta[self._independent] = free
         piece, power = self._places
         for k in self.static.kinks:
@@ -196,6 +198,11 @@ class ChainFit:
         """Parameters but for the constants that the kinks make."""
         made = [int(np.flatnonzero(self._places[0] == k + 1)[0]) for k in self.static.kinks]
         return np.setdiff1d(np.arange(len(self.parameters())), made)
+
+    @cached_property
+    def _spread(self) -> Floats:
+        """Derivative of all parameters with respect to the independent ones, but for what kinks make."""
+        return np.eye(len(self.parameters()))[:, self._independent]
 
     @cached_property
     def _slices(self) -> tuple[slice, slice, slice, slice]:

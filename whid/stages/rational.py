@@ -17,6 +17,8 @@ from whid.stages._responses import Responses, StaticPart, response_metrics
 Floats = NDArray[np.float64]
 Orders = tuple[int, int, int, int]  # zeros and poles of front, zeros and poles of back
 Start = tuple[Floats, ...]  # their coefficients, b and a of front, b and a of back
+RIVAL = 6.0  # of BIC: what is less behind the best is named beside it
+QUICK = 30  # iterations of a start: those that reach the minimum take a dozen
 NONE = 1e-9  # of the largest coefficient: a pole at infinity
 
 
@@ -80,7 +82,7 @@ class Rational(NamedTuple):
     def rivals(self) -> tuple[str, ...]:
         """Return the orders (zeros/poles of front, of back) that BIC cannot tell from the best: less than 6 behind."""
         order = np.argsort(self.bic)
-        close = [int(i) for i in order[1:] if self.bic[i] < self.bic[order[0]] + 6]
+        close = [int(i) for i in order[1:] if self.bic[i] < self.bic[order[0]] + RIVAL]
         return tuple("{}/{}, {}/{} (+{:.1f})".format(*self.tried[i], self.bic[i] - self.bic[order[0]]) for i in close)
 
     def metrics(self) -> dict[str, Measured]:
@@ -115,6 +117,9 @@ def rational(
         raise WhidError("stage-no-model", "no stable transfer functions explain the harmonics of the sines")
     ends = [search.fit(best.orders, start).estimate.chi2 for start in search.first_starts(best.orders)]
     best = search.seen[best.orders]
+    if best.estimate.why_stop == "iteration limit":
+        start: Start = tuple(_coefficients(best))
+        best = min(best, search.fit(best.orders, start, 10 * QUICK), key=lambda fitted: fitted.bic)
     return _result(best, search, len(ends), sum(end < best.estimate.chi2 + 0.01 for end in ends))
 
 
@@ -144,11 +149,20 @@ class _Search:
             fewer: list[Orders] = [(0, 1, 0, 0), (0, 0, 0, 1)] if highest[1] else []
             best = min([self.best_of(o, self.first_starts(o)) for o in fewer], key=lambda f: f.bic, default=best)
         while True:
-            rivals = [self.best_of(o, self.grown(best, o)) for o in _neighbours(best.orders, highest) if o not in self.seen]
-            winner = min(rivals, key=lambda f: f.bic, default=best)
-            if winner.bic >= best.bic:
+            near = [o for o in _neighbours(best.orders, highest) if o not in self.seen and self._may_rival(best, o)]
+            for wider in (True, False):  # fewer numbers only where no more help: they never explain more
+                tried = [o for o in near if (sum(o) > sum(best.orders)) is wider]
+                winner = min((self.best_of(o, self.grown(best, o)) for o in tried), key=lambda f: f.bic, default=best)
+                if winner.bic < best.bic:
+                    best = winner
+                    break
+            else:
                 return best
-            best = winner
+
+    def _may_rival(self, best: _Fitted, orders: Orders) -> bool:
+        """Tell whether a fit of these orders could come near the best: even χ² = 0 leaves the penalty of its numbers."""
+        more = sum(orders) - sum(best.orders)
+        return not self.penalty * more > best.estimate.chi2 + RIVAL
 
     def first_starts(self, orders: Orders) -> Iterator[Start]:
         """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other.
@@ -157,9 +171,8 @@ class _Search:
         """
         top = float(self.omegas[0].max()) / self.reference
         m, n, k, j = orders
-        for ratio in (1.0, 4.0, 0.25):
-            for centre in (2.0 * top, 8.0 * top):
-                yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
+        for ratio, centre in ((1.0, 2.0 * top), (1.0, 8.0 * top), (4.0, 4.0 * top), (0.25, 4.0 * top)):
+            yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
         for speed in (0.5 * top, 1.2 * top):
             if n > 1:
                 yield np.zeros(m), _resonant(speed, n), np.zeros(k), _poles(4.0 * top, j)
@@ -189,7 +202,7 @@ class _Search:
                 break
         return self.seen[orders]
 
-    def fit(self, orders: Orders, start: Start) -> _Fitted:
+    def fit(self, orders: Orders, start: Start, most: int = QUICK) -> _Fitted:
         """Fit once, and remember the best of these orders; unstable, or with a pole at infinity, counts as no model."""
         b_front, a_front, b_back, a_back = start
         problem = ChainFit(
@@ -197,7 +210,7 @@ class _Search:
             RationalResponse(self.omegas[0], b_front, a_front, self.reference, "front"),
             RationalResponse(self.omegas[1], b_back, a_back, self.reference, "back"), self.free_breaks,
         )  # fmt: skip
-        estimate = problem.solve()
+        estimate = problem.solve(most)
         fitted = _Fitted(orders, problem, estimate, estimate.chi2 + self.penalty * len(estimate.names))
         if not all(_stable(a) for a in _coefficients(fitted)[1::2]):
             fitted = fitted._replace(bic=np.inf)
