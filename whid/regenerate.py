@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whid import flow
-from whid.config.load import load_study, resolved
+from whid.config.load import load_study, names_key, resolved
 from whid.config.study import Study
 from whid.errors import WhidError
 from whid.files import expected, run_folder
@@ -100,7 +100,7 @@ def regenerate(
 
 def with_tables(root: str | Path) -> list[Path]:
     """Return the configs below a folder that have a `table:`; raise `WhidError("table-none")` if none has."""
-    found = [path for path in sorted(Path(root).rglob("*.yaml")) if load_study(path).table]
+    found = [path for path in sorted(Path(root).rglob("*.yaml")) if names_key(path, "table")]
     if not found:
         raise WhidError("table-none", "no config with a `table:` section below this folder", str(root))
     return found

@@ -47,6 +47,12 @@ def load_variants(
         yield study_of(copy.deepcopy(document), overrides)
 
 
+def names_key(path: str | pathlib.Path, key: str) -> bool:
+    """Tell whether a YAML file has a key at its top; what else stands in it is not judged, it may be no study at all."""
+    value = parse(read_text(path), str(path)).value
+    return isinstance(value, dict) and key in value
+
+
 def _document(source: str | pathlib.Path | Mapping[str, Any] | Study) -> Document:
     if isinstance(source, (str, pathlib.Path)):
         return parse(read_text(source), str(source))
