@@ -9,13 +9,10 @@ import argparse
 import csv
 import hashlib
 import json
-import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +23,10 @@ from tests.closed_loop.case import NotVisible, draw_case, write
 from tests.closed_loop.hidden import EFFECTS, OUTSIDE
 from tests.closed_loop.score import Score, score
 from tests.closed_loop.tables import page, picture
+from whid import engine
+from whid.engine import Engine, Group
 
+Watch = Callable[["Row"], None]
 ATTEMPTS = 6  # plants, until one can show the effect at the size
 
 
@@ -167,46 +167,47 @@ def traced(study: Path, out: Path) -> tuple[dict[str, Any] | None, str]:
 
 
 def sweep(
-    cells: Sequence[Cell], log: Path, jobs: int = 1, minutes: float = np.inf, watch: Callable[[Row], None] | None = None
+    cells: Sequence[Cell], log: Path, run_all: Engine = engine.here, minutes: float = np.inf, watch: Watch | None = None
 ) -> list[Row]:
     """Return the rows of all cells that are done: those of `log`, and those run now, appended to it one by one."""
     known = {row.key: row for row in _read(log)}
     todo = [cell for cell in cells if cell.key not in known]
     end = time.monotonic() + 60 * minutes
+    if not todo or minutes <= 0:
+        return [known[cell.key] for cell in cells if cell.key in known]
     with log.open("a") as file:
-        for row in _rows(todo, jobs, end):
-            known[row.key] = row
-            file.write(json.dumps(asdict(row)) + "\n")
-            file.flush()
-            if watch:
-                watch(row)
+        for _, batch, rows in run_all(work, [Group(None, (cell,)) for cell in todo]):
+            for cell, found in zip(batch, rows, strict=True):
+                row = found if isinstance(found, Row) else _failed(cell, found.reason)
+                known[row.key] = row
+                file.write(json.dumps(asdict(row)) + "\n")
+                file.flush()
+                if watch:
+                    watch(row)
+            if time.monotonic() > end:
+                break
     return [known[cell.key] for cell in cells if cell.key in known]
+
+
+def work(shared: None, cells: Sequence[Cell]) -> list[Row]:
+    """Run cells; what goes wrong in the harness itself is a failed row, not the end of the sweep."""
+    rows = []
+    for cell in cells:
+        try:
+            rows.append(run(cell))
+        except Exception as fault:
+            rows.append(_failed(cell, f"{type(fault).__name__}: {fault}"))
+    return rows
+
+
+def _failed(cell: Cell, reason: str) -> Row:
+    return Row(cell.key, cell.group, "+".join(cell.effects), cell.size, cell.seed, "", cell.coloured, False, "failed", "",
+               np.nan, np.nan, reason)  # fmt: skip
 
 
 def _read(log: Path) -> Iterator[Row]:
     if log.exists():
         yield from (Row(**json.loads(line)) for line in log.read_text().splitlines() if line.endswith("}"))
-
-
-def _rows(cells: Sequence[Cell], jobs: int, end: float) -> Iterator[Row]:
-    """Yield rows until the time is up, in the cells' order."""
-    if jobs == 1:
-        for cell in cells:
-            if time.monotonic() > end:
-                return
-            yield run(cell)
-        return
-    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from _pooled(pool, cells, jobs, end)
-
-
-def _pooled(pool: Executor, cells: Sequence[Cell], jobs: int, end: float) -> Iterator[Row]:
-    """Keep an engine busy, a few cells at a time."""
-    for first in range(0, len(cells), 4 * jobs):
-        if time.monotonic() > end:
-            return
-        yield from pool.map(run, cells[first : first + 4 * jobs])
 
 
 def report(rows: Sequence[Row], folder: Path, title: str) -> str:
@@ -230,6 +231,7 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("config", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--scheduler", default="", help="of a Dask cluster, tcp://…")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so many; run again to go on")
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--out", type=Path, default=Path("runs"))
@@ -239,7 +241,9 @@ def main(arguments: Sequence[str] | None = None) -> Path:
     folder = given.out / f"{declared.name}-{digest}"
     folder.mkdir(parents=True, exist_ok=True)
     cells = declared.cells()
-    rows = sweep(cells, folder / "cells.jsonl", given.jobs, given.minutes, _tell)
+    run_all = engine.dask(given.scheduler) if given.scheduler else engine.processes(given.jobs)
+    run_all = engine.here if given.jobs == 1 and not given.scheduler else run_all
+    rows = sweep(cells, folder / "cells.jsonl", run_all, given.minutes, _tell)
     print(report(rows, folder, f"{declared.name}, seeds from {declared.seed}: {len(rows)} of {len(cells)} cells"))
     return folder
 

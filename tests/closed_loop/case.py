@@ -20,7 +20,7 @@ import yaml
 
 from tests.closed_loop.fine import Floats
 from tests.closed_loop.hidden import EFFECTS, OUTSIDE, Drawn, Hidden
-from tests.closed_loop.plants import ROUGH, Part
+from tests.closed_loop.plants import FAMILIES, ROUGH, Part
 from tests.closed_loop.scene import Scene, draw_scene
 from tests.closed_loop.world import Noise
 
@@ -69,8 +69,7 @@ def draw_case(seed: int, effects: Sequence[str], size: float, *, family: str | N
 
 def _scene(seed: int, entries: Sequence[Hidden], family: str | None, coloured: bool) -> Scene:
     rng = np.random.default_rng([seed, 0])
-    common = [f for f in EFFECTS["hum@output"].families if all(f in entry.families for entry in entries)]
-    common = [f for f in common if f != "backlash"] if family is None else common
+    common = [f for f in FAMILIES if all(f in entry.families for entry in entries)]
     if not common or (family is not None and family not in common):
         raise NotVisible(f"{family or 'no family'} can hide {', '.join(e.name for e in entries)}")
     chosen = family or str(rng.choice(common))

@@ -5,11 +5,13 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.closed_loop import calibrate
 from tests.closed_loop.calibrate import Calibration, Cell, Row, report, run, sweep
 from tests.closed_loop.hidden import EFFECTS
+from tests.closed_loop.score import interval
 
 CONFIG = Path(__file__).parents[2] / "configs" / "closed_loop" / "calibration.yaml"
 ROW = Row("k", "one", "hum@output", 0.5, 1, "linear", False, False, "right", "hum@output", 1.0, 2.0)
@@ -64,6 +66,12 @@ def test_a_run_without_an_answer_is_a_failure_with_its_reason(monkeypatch):
     assert (row.outcome, row.note) == ("failed", "exit 2: no such thing")
 
 
+def test_a_fault_of_the_harness_is_a_failed_cell(monkeypatch):
+    monkeypatch.setattr(calibrate, "draw_case", lambda *a, **k: 1 / 0)
+    (row,) = calibrate.work(None, [Cell("one", ("hum@output",), 0.5, 220, False)])
+    assert (row.outcome, row.hidden, row.note) == ("failed", "hum@output", "ZeroDivisionError: division by zero")
+
+
 def test_a_sweep_goes_on_where_it_stopped(tmp_path, monkeypatch):
     done = []
 
@@ -98,3 +106,71 @@ def test_the_page_counts_what_it_says(tmp_path):
     with (tmp_path / "cells.csv").open() as file:
         assert [row["outcome"] for row in csv.DictReader(file)] == [row.outcome for row in rows]
     assert (tmp_path / "confusion.png").stat().st_size > 10_000
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    """The shipped calibration, whole; what is done already in runs/ is not done again."""
+    import json
+
+    folder = calibrate.main([str(CONFIG), "--out", str(CONFIG.parents[2] / "runs")])
+    rows = [Row(**json.loads(line)) for line in (folder / "cells.jsonl").read_text().splitlines()]
+    return [row for row in rows if row.outcome != "not visible"]
+
+
+def reaches(hits, of, share):
+    """Whether a share is reached, as far as so many trials can tell: the upper end of its 95 % interval is."""
+    low, high = interval(hits, of)
+    print(f"{hits}/{of} = {hits / of:.4f} [{low:.4f}, {high:.4f}], bar {share}")
+    return high >= share
+
+
+def tally(rows, **wanted):
+    found = [row for row in rows if all(getattr(row, key) == value for key, value in wanted.items())]
+    return Counter(row.outcome for row in found), len(found)
+
+
+@pytest.mark.slow
+def test_t1_false_alarms(calibrated):
+    found, of = tally(calibrated, group="control")
+    print(f"T1: {of - found['right']} of {of}")
+    assert of >= 200
+    assert of - found["right"] <= 2 * of / 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.5, 3.0])
+def test_t2_one_effect(calibrated, size):
+    found, of = tally(calibrated, group="one", size=size)
+    assert of >= 300
+    assert reaches(found["right"], of, 0.90)
+    assert reaches(found["right"] + found["equivalent"], of, 0.97)
+
+
+@pytest.mark.slow
+def test_t3_one_small_effect(calibrated):
+    found, of = tally(calibrated, group="one", size=0.1)
+    assert reaches(found["right"], of, 0.80)
+    assert interval(found["wrong"] + found["failed"], of)[0] <= 0.10
+
+
+@pytest.mark.slow
+def test_t4_after_error(calibrated):
+    rows = [row for row in calibrated if row.group == "one" and row.outcome in ("right", "equivalent") and not row.random]
+    over = np.array([row.over for row in rows])
+    print(f"T4: median {np.median(over):.4f}, 95th percentile {np.percentile(over, 95):.4f} of {len(over)}")
+    assert np.median(over) <= 1.01
+    assert np.percentile(over, 95) <= 1.05
+
+
+@pytest.mark.slow
+def test_t5_two_effects(calibrated):
+    found, of = tally(calibrated, group="two")
+    assert reaches(found["right"] + found["equivalent"], of, 0.85)
+
+
+@pytest.mark.slow
+def test_t6_outside_the_library(calibrated):
+    found, of = tally(calibrated, group="outside", size=3.0)
+    assert reaches(found["right"], of, 0.90)
+    assert found["missed"] == 0
