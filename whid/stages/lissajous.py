@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -86,16 +87,16 @@ def lissajous(omega: Floats, tests: Sequence[StaticTest], amplitude: Floats) -> 
     >>> found.coefficients.round(3), found.gain.round(3)  # |G|² = 1² + .3, c₁² + c₂ = 1
     (array([0.877, 0.231]), array([1.14]))
     """
-    along = np.array([test.along for test in tests])
-    errors = np.array([test.along_std for test in tests])
-
-    def numbers(flat: Floats) -> Floats:
-        moved = [_moved(row, a)[0] for row, a in zip(flat.reshape(along.shape), amplitude, strict=True)]
-        return _scaled(np.array(moved))
-
-    values, std = _with_errors(numbers, along.ravel(), np.diag(errors.ravel() ** 2))
-    roots = np.array([_moved(row, a)[1] for row, a in zip(along, amplitude, strict=True)])
-    m = len(tests)
+    m, n = len(tests), len(tests[0].along) - 1
+    moved, covariance = np.empty((m, n)), np.zeros((m * n, m * n))
+    for e, (test, a) in enumerate(zip(tests, amplitude, strict=True)):
+        own = slice(e * n, (e + 1) * n)
+        moved[e], covariance[own, own] = _carried(
+            partial(_coefficients, amplitude=a), test.along, np.diag(test.along_std**2)
+        )
+    values, carried = _carried(lambda flat: _scaled(flat.reshape(m, n)), moved.ravel(), covariance)
+    std = np.sqrt(np.maximum(np.diag(carried), 0.0))
+    roots = np.array([_moved(test.along, a)[1] for test, a in zip(tests, amplitude, strict=True)])
     phase, phase_std = (np.array([getattr(test, name) for test in tests]) for name in ("phase", "phase_std"))
     return Lissajous(
         omega, phase, phase_std, values[:m], std[:m], values[m:], std[m:], roots, np.abs(roots) <= amplitude
@@ -118,7 +119,8 @@ def paper_scale(fit: AffineFit, estimate: Estimate, root: float) -> PaperScale:
         return np.concatenate([[size], np.exp(g[:, 0]) * size, moved / size ** np.arange(1, count)])
 
     own = np.r_[:count, len(estimate.values) - 2 * m : len(estimate.values)]
-    values, std = _with_errors(numbers, estimate.values[own], estimate.covariance[np.ix_(own, own)])
+    values, carried = _carried(numbers, estimate.values[own], estimate.covariance[np.ix_(own, own)])
+    std = np.sqrt(np.maximum(np.diag(carried), 0.0))
     g = estimate.values[len(estimate.values) - 2 * m :].reshape(m, 2)
     phase = (g[:, 1] + np.pi) % (2 * np.pi) - np.pi
     phase_std = estimate.std[len(estimate.values) - 2 * m :].reshape(m, 2)[:, 1]
@@ -140,6 +142,10 @@ def _moved(along: Floats, amplitude: float) -> tuple[Floats, float]:
     return shifted(c, root)[1:], root
 
 
+def _coefficients(along: Floats, amplitude: float) -> Floats:
+    return _moved(along, amplitude)[0]
+
+
 def _size(c: Floats) -> float:
     """Return (Σ|cᵢ|^{n/i})^{1/n}, i = 1 … n, eq. (19)."""
     n = len(c)
@@ -152,14 +158,14 @@ def _scaled(c: Floats) -> Floats:
     return np.append(gain, c.sum(axis=0) / (gain[:, None] ** np.arange(1, c.shape[1] + 1)).sum(axis=0))
 
 
-def _with_errors(numbers: Callable[[Floats], Floats], at: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Return numbers(θ) and their standard errors by differences."""
+def _carried(numbers: Callable[[Floats], Floats], at: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Return numbers(θ) and their covariance by differences."""
     std = np.sqrt(np.diag(covariance))
     steps = np.where(std > 0, STEP * std, 1e-9)
     rates = np.column_stack(
         [(numbers(at + d) - numbers(at - d)) / (2 * s) for d, s in zip(np.diag(steps), steps, strict=True)]
     )
-    return numbers(at), np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rates, covariance, rates), 0.0))
+    return numbers(at), rates @ covariance @ rates.T
 
 
 def _rows(found: Lissajous | PaperScale) -> tuple[tuple[Cell, ...], ...]:

@@ -15,7 +15,7 @@ from whid.signal import Floats
 
 Complexes = NDArray[np.complex128]
 
-DELAYS = 13  # tried between none and the whole phase
+DELAYS = 10  # tried between none and the whole phase
 SWEEPS = 5  # of Sanathanan and Koerner
 RIVAL = 6.0  # BIC within which another structure is as good
 
@@ -76,7 +76,8 @@ def transfer_function(
     >>> found.den.round(6), round(found.delay, 6)
     (array([0.5, 1. ]), 0.3)
     """
-    problem = _Problem(omega, log_gain, phase, np.linalg.inv(np.linalg.cholesky(covariance)))
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+    problem = _Problem(omega, log_gain, phase, whitener, np.sqrt(np.diag(covariance)[: len(omega)]))
     penalty = float(np.log(samples))
     found: dict[tuple[int, int, int], Estimate] = {}
     for poles in range(highest + 1):
@@ -111,6 +112,7 @@ class _Problem(NamedTuple):
     log_gain: Floats
     phase: Floats
     whitener: Floats
+    std: Floats  # of log_gain
 
     @property
     def response(self) -> Complexes:
@@ -161,7 +163,7 @@ class _Problem(NamedTuple):
         target = self.response * np.exp(1j * self.omega * tau)
         scale = float(np.exp(np.mean(np.log(self.omega))))
         power = (1j * self.omega / scale)[:, None] ** np.arange(1, max(m, n, 1) + 1)
-        size = np.abs(target) * np.sqrt(np.diag(np.linalg.inv(self.whitener.T @ self.whitener)))[: len(target)]
+        size = np.abs(target) * self.std
         den, values = np.ones(len(target), complex), np.zeros(m + n)
         for _ in range(SWEEPS):
             weight = 1 / (size * np.abs(den))
