@@ -11,7 +11,7 @@ from whid.blocks.polynomial import Polynomial
 from whid.disturbances.white import White
 from whid.experiments._experiment import Experiment
 from whid.experiments.staircase import Staircase
-from whid.methods._method import Wanted
+from whid.methods._method import Answered, Wanted
 from whid.methods.hammerstein_wiener import HammersteinWiener
 from whid.simulate import simulate
 from whid.system import System
@@ -76,6 +76,8 @@ def identify(which, std, seed, start=START, most=100, method=None):
     try:
         while True:
             found, answer = running.send(answer), None
+            if isinstance(found, Answered):
+                continue
             if not isinstance(found, Wanted):
                 stages.append(found)
                 continue

@@ -86,7 +86,7 @@ def test_two_roots_leave_a_flat_piece_ambiguous_and_a_forced_value_decides():
     assert pieces.ambiguous.tolist() == [0]
     found = np.sort(np.append(pieces.rivals[0][np.isfinite(pieces.rivals[0])], pieces.value[0])) + 1.1
     assert found == pytest.approx(real_roots(c - np.array([0.1, 0, 0, 0])), abs=1e-3)
-    assert any("square wave" in said for said in pieces.doubts())
+    assert any("square wave" in said for said in pieces.unknown())
     decided, _ = input_pieces(fit, choice, {0: (float(found[0]) - 1.1, 0.0)})
     assert decided.value[0] == pytest.approx(found[0] - 1.1, abs=1e-3)
     assert not len(decided.ambiguous)

@@ -11,7 +11,7 @@ import numpy as np
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
 from whid.methods import _piece_plans as plans
-from whid.methods._method import Wanted
+from whid.methods._method import Answered, Wanted
 from whid.methods._sines import Sine, gather
 from whid.quantity import Measured
 from whid.record import Record
@@ -108,6 +108,8 @@ class Bench:
                 break
             self.records.append(answer)
             self._measure_levels()
+            gap = np.diff(self.pieces.borders, axis=1).max(initial=0.0)
+            yield Answered(f"{len(self.pieces.degrees)} pieces, borders to {gap:.3g}")
         yield self.settles[0]
         yield self.curve
         yield self.pieces
@@ -131,11 +133,15 @@ class Bench:
                 plans.sine(float(span @ weights), s * float(np.ptp(span)) / 2, period, self.lead, PERIODS)
                 for span, s in zip(spans, share[left], strict=True)
             ]
-            answer = yield Wanted(tuple(parts), f"is the output constant, or one static curve, on {len(left)} pieces", error)
+            reason = f"is the output constant, or one static curve, on {len(left)} pieces"
+            answer = yield Wanted(tuple(parts), reason, error, "harmonic, output")
             if answer is None:
                 break
             self.records.append(answer)
             self._measure_sines()
+            new = self.probes[-len(left) :]
+            flat, static = sum(p.constant.constant for p in new), sum(p.clear and not p.constant.constant for p in new)
+            yield Answered(f"{flat} constant, {static} static, {len(new) - flat - static} neither, or even")
             share[left] *= SMALLER
 
     def anchor(self) -> int:
@@ -161,11 +167,13 @@ class Bench:
             offset, amplitude = first.sine.offset, abs(first.sine.phasor)
             parts = [plans.sine(offset, amplitude, p, self.lead, PERIODS) for p in plans.periods_of(wanted, self.dt)]
             reason = f"phase and gain at {len(parts)} frequencies"
-            answer = (yield Wanted(tuple(parts), reason, first.static.phase_std)) if parts else None
+            answer = (yield Wanted(tuple(parts), reason, first.static.phase_std, "phase, rad")) if parts else None
             if answer is None:
                 break
             self.records.append(answer)
             self._measure_sines()
+            heard = [p.static.phase_std for p in self.probes[-len(parts) :] if p.usable]
+            yield Answered(f"{len(heard)} static" + (f", phase to {min(heard):.2g} … {max(heard):.2g} rad" if heard else ""))
         for probe in self.probes:
             yield probe.constant
             yield probe.static

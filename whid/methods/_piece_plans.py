@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from whid.experiments._part import Part
 from whid.experiments.hold import Hold
 from whid.experiments.sine import Sine
 from whid.experiments.square import Square
@@ -22,7 +21,7 @@ def levels(where: Sequence[float], settle: float, mean_s: float, std: float, rea
     """Ask for constant levels, each held for two settling times and then for as long as its mean takes."""
     order = sorted(where)
     plan = [Hold(level=float(u), hold_s=2 * settle + mean_s, direction="up") for u in order]
-    return Wanted(tuple(plan), reason, std)
+    return Wanted(tuple(plan), reason, std, "level, output")
 
 
 def sine(offset: float, amplitude: float, period: int, settle_samples: float, periods: int) -> Sine:
@@ -37,7 +36,7 @@ def periods_of(omega: Floats, dt: float) -> list[int]:
     return sorted({int(p) for p in found if p >= FEWEST}, reverse=True)
 
 
-def squares(pieces: InputPieces, linear: TransferFunction, settle: float, dt: float, periods: int) -> tuple[Part, ...]:
+def squares(pieces: InputPieces, linear: TransferFunction, settle: float, dt: float, periods: int) -> tuple[Square, ...]:
     """Return a square wave between the middle of the anchor and that of every ambiguous piece, faster than G's corner."""
     corner = linear.corner()
     period = max(FEWEST, round(2 * np.pi / (1.5 * corner * dt)))

@@ -10,7 +10,7 @@ import numpy as np
 from whid.errors import WhidError
 from whid.methods import _piece_plans as plans
 from whid.methods._audit import audit
-from whid.methods._method import Model, Stages, Wanted
+from whid.methods._method import Answered, Model, Stages, Wanted
 from whid.methods._piece_bench import PERIODS, Asking, Bench
 from whid.methods._pieces_model import held_names, model_of
 from whid.record import Record
@@ -62,23 +62,23 @@ def audited(bench: Bench, known: Choice, first: AffineFit, best: Reading) -> Ask
     if not verdict.decided:
         plan = plans.squares(pieces, best.linear, bench.lead, bench.dt, PERIODS)
         reason = f"which of {len(readings)} readings of {len(plan)} pieces that the levels cannot tell apart"
-        answer = yield Wanted(plan, reason, float(np.nanmin(np.abs(pieces.rivals - pieces.value[:, None]))))
+        error = float(bench.curve.noise_std * np.sqrt(2 / sum(part.period * PERIODS for part in plan)))
+        answer = yield Wanted(plan, reason, error, "harmonic, output")
         if answer is not None:
             bench.records.append(answer)
             verdict = audit(models, values, slopes, bench.records)
+            yield Answered("decided" if verdict.decided else "not decided")
     yield verdict
     if not verdict.decided:
         return best
     chosen = readings[verdict.chosen]
     none = np.empty((len(pieces.centre), 0))
-    chosen = chosen._replace(pieces=chosen.pieces._replace(rivals=none, rival_slopes=none))
-    yield chosen.pieces
-    return chosen
+    return chosen._replace(pieces=chosen.pieces._replace(rivals=none, rival_slopes=none))
 
 
 def finished(bench: Bench, reading: Reading, staged: Model, wanted: bool | None) -> Stages:
     """Yield the whole-record fit, where it is wanted, and the Model."""
-    missing = (*staged.missing, *reading.pieces.doubts(), *_unexplained(bench, staged))
+    missing = (*staged.missing, *reading.pieces.unknown(), *_unexplained(bench, staged))
     if not (bench.samples <= MOST_SAMPLES if wanted is None else wanted):
         yield staged._replace(missing=missing)
         return
@@ -88,7 +88,7 @@ def finished(bench: Bench, reading: Reading, staged: Model, wanted: bool | None)
         yield staged._replace(missing=(*missing, f"the whole-record fit failed: {fault}"))
         return
     yield best
-    missing = (*staged.missing, *reading.pieces.doubts(), *_unexplained(bench, staged._replace(system=best.system)))
+    missing = (*staged.missing, *reading.pieces.unknown(), *_unexplained(bench, staged._replace(system=best.system)))
     before = rms(np.concatenate([residual(staged.system.tree, record) for record in bench.records]))
     if float(np.sqrt(best.samples @ best.rms**2 / best.samples.sum())) > WORSE * before:
         yield staged._replace(missing=(*missing, "the whole-record fit found no minimum: these are the staged numbers"))

@@ -64,9 +64,9 @@ class HammersteinWiener(Method):
         series, first = taylor(own, known.tones.of(known.tones.piece == anchor), self.degree, [p.phases for p in mine])
         yield series
         reading = read(bench, known, first)  # section 4.3: the other segments
-        yield reading.pieces
         if len(reading.pieces.ambiguous):
             reading = yield from audited(bench, known, first, reading)
+        yield reading.pieces
         root = shift_of(reading.fit)
         yield paper_scale(reading.fit, reading.pieces.estimate, root or 0.0)
         yield reading.linear

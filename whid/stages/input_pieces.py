@@ -57,12 +57,12 @@ class InputPieces(NamedTuple):
             slope = Measured(float(self.slope[k]), float(self.slope_std[k])) if self.slope_std[k] else float(self.slope[k])
             rows.append((float(f"{self.centre[k]:.6g}"), value, slope, *end))
         e = self.estimate
-        notes = [f"slope 1 and x = 0 at the middle of piece {self.anchor + 1}; χ²/dof {e.chi2:.1f}/{e.dof}", *self.doubts()]
+        notes = [f"slope 1 and x = 0 at the middle of piece {self.anchor + 1}; χ²/dof {e.chi2:.1f}/{e.dof}", *self.unknown()]
         return Table(
             "Input nonlinearity", ("centre, input", "x there", "slope", "ends in", "at, input"), tuple(rows), tuple(notes)
         )
 
-    def doubts(self) -> tuple[str, ...]:
+    def unknown(self) -> tuple[str, ...]:
         """Return what the data leave open about pieces."""
         said = [
             f"piece not resolved: about u = {self.centre[k]:.4g} the output nonlinearity turns within the noise, so that h "
