@@ -6,14 +6,21 @@ within a few hundred samples of dt = 0.2 s, and are hit at their breakpoints by 
 
 from whid.blocks._block import Block
 from whid.blocks.backlash import Backlash
+from whid.blocks.bend import Bend
 from whid.blocks.chain import Chain
 from whid.blocks.constant import Constant
 from whid.blocks.coulomb import Coulomb
 from whid.blocks.dead_zone import DeadZone
 from whid.blocks.delay import Delay
+from whid.blocks.drift import Drift
 from whid.blocks.feedback import Feedback
 from whid.blocks.kinked import Kinked
+from whid.blocks.gain_drift import GainDrift
+from whid.blocks.gain_step import GainStep
+from whid.blocks.hinge import Hinge
+from whid.blocks.jump import Jump
 from whid.blocks.linear import Linear
+from whid.blocks.offset_step import OffsetStep
 from whid.blocks.oversampled import Oversampled
 from whid.blocks.parallel import Parallel
 from whid.blocks.piecewise import Piecewise
@@ -22,13 +29,20 @@ from whid.blocks.preload import Preload
 from whid.blocks.quantizer import Quantizer
 from whid.blocks.relay import Relay
 from whid.blocks.saturation import Saturation
+from whid.blocks.slew_limit import SlewLimit
 from whid.blocks.spline import Spline
 from whid.blocks.table import Table
 from whid.blocks.tone import Tone
 from whid.blocks.viscous import Viscous
 
 DT = 0.2
-CLOCKED = ("tone",)  # kinds that do something of their own in time: no steady output, and t0 matters
+CLOCKED = (
+    "tone",
+    "drift",
+    "gain_drift",
+    "offset_step",
+    "gain_step",
+)  # kinds that do something of their own in time: no steady output, and t0 matters
 LAG = Linear(num=(1.5,), den=(1.0, 2.0))
 RESONANT = Linear(num=(1.0, 3.0), den=(1.0, 0.9, 4.0))
 
@@ -38,6 +52,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Backlash(rising=(-0.3, 0.7, 0.8, -0.8), falling=(-0.2, 0.7, 0.7, -0.1)),  # crossing, not invertible
         Backlash(rising=(0.05, 1.0), falling=(-0.05, 0.4, 0.1)),  # of unlike degree, the rising one above at first
     ),
+    "bend": (Bend(coefficients=(0.1, -0.05, 0.02), scale=1.5), Bend(coefficients=(0.2,))),
     "chain": (
         Chain(chain=(RESONANT, Piecewise(breaks=(-0.3, 0.4), pieces=((0.5,), (0.0, 1.0, 0.3), (-0.4,))), LAG)),
         Chain(chain=(Saturation(low=-0.5, high=0.7), LAG, Preload(offset=0.2), RESONANT)),
@@ -51,12 +66,15 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
     "coulomb": (Coulomb(force=0.7, offset=-0.1),),
     "dead_zone": (DeadZone(low=-0.3, high=0.55, slope=1.7), DeadZone(low=-0.3, high=0.55, slope=1.7, knee=0.4)),
     "delay": (Delay(seconds=0.47), Delay(seconds=0.05), Delay(seconds=12.1)),
+    "drift": (Drift(times=(0.0, 1.1, 3.0, 8.0), levels=(0.0, 0.5, -0.2, 0.1)), Drift(times=(0.0, 9.0), levels=(0.1, 0.3))),
     "feedback": (
         Feedback(forward=LAG, back=Polynomial(coefficients=(0.0, 0.3, 0.05))),
         Feedback(
             forward=Chain(chain=(LAG, Saturation(low=-0.6, high=0.5))), sign=1, back=Linear(num=(0.4,), den=(1.0, 1.0))
         ),
         Feedback(forward=Polynomial(coefficients=(0.0, 2.0, 0.0, 1.0)), solve="algebraic"),
+        Feedback(forward=Chain(chain=(LAG, Saturation(low=-0.6, high=0.5))), back=LAG, solve="continuous"),
+        Feedback(forward=RESONANT, back=Polynomial(coefficients=(0.0, 0.3, 0.05)), solve="continuous"),
         Feedback(forward=DeadZone(low=-0.2, high=0.3), back=Viscous(coefficient=2.0, negative=1.0), solve="algebraic"),
         Feedback(
             forward=Linear(num=(1.0, 0.5), den=(1.0, 2.0)),
@@ -65,6 +83,10 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         ),
     ),
     "kinked": (Kinked(coefficients=(0.1, 1.0), breaks=(-0.4, 0.5), kinks=((-0.7,), (0.6, -0.2))),),
+    "gain_drift": (GainDrift(times=(0.0, 1.1, 3.0, 8.0), levels=(0.0, 0.5, -0.2, 0.1)),),
+    "gain_step": (GainStep(at_s=2.4, height=0.3),),
+    "hinge": (Hinge(at=0.3, slope=0.8),),
+    "jump": (Jump(at=-0.2, height=0.4),),
     "linear": (
         LAG,
         RESONANT,
@@ -74,6 +96,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Linear(A=((-1.0, 2.0), (-2.0, -1.0)), B=(1.0, 0.5), C=(0.3, 1.0), D=0.2),
         Linear(num=(0.5, 0.1), den=(1.0, -0.9, 0.4), dt=DT),
     ),
+    "offset_step": (OffsetStep(at_s=2.4, height=0.3),),
     "oversampled": (
         Oversampled(
             factor=2,
@@ -102,6 +125,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Saturation(low=-0.5, high=0.8, slope=1.3, knee=0.5),
         Saturation(low=-0.1, high=0.2, slope=1.3, knee=0.5),  # the knees overlap
     ),
+    "slew_limit": (SlewLimit(rate=1.1), SlewLimit(rate=6.0)),
     "spline": (
         Spline(inputs=(-0.9, -0.2, 0.3, 1.1), outputs=(-1.0, 0.1, 0.2, 0.9)),
         Spline(inputs=(-0.5, 0.6), outputs=(0.1, 1.0)),

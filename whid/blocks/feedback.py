@@ -10,6 +10,7 @@ import numpy as np
 
 from whid.blocks._block import STEADY, Block, State, Tangents
 from whid.blocks._loop import StaticLoop, error, memoryless, root, static_tangent
+from whid.blocks._relaxed import Relaxed, Round
 from whid.blocks._split import pointwise, total
 from whid.signal import Floats, Signal, joined
 
@@ -24,11 +25,13 @@ class Feedback(Block):
 
     solve: delay       e_n = u_n + sign·z_{n−1}: what comes back is one sample late (a digital controller)
            algebraic   e_n = u_n + sign·z_n: solved at every sample
+           continuous  e(t) = u(t) + sign·z(t): nothing is held, the loop of a machine (`_relaxed.py`)
 
-    Between samples what comes back is held and everything else is exact; a loop of static blocks is solved between
-    samples as well, its kinks met where they are. Without `back` the output itself comes back.
+    Between samples what comes back is held (unless continuous) and everything else is exact; a loop of static blocks is
+    solved between samples as well, its kinks met where they are. Without `back` the output itself comes back.
     Cost: a loop with dynamics goes sample by sample, some 0.3 ms a sample and block, algebraic four times that; a loop of
-    static blocks is vectorised. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
+    static blocks is vectorised, and so is a continuous one: as many times the blocks' own cost as it takes to settle, ten where
+    little comes back. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
 
     >>> from whid.blocks.polynomial import Polynomial
     >>> gain = Polynomial(coefficients=(0.0, 9.0))
@@ -39,7 +42,7 @@ class Feedback(Block):
     forward: Block
     back: Block | None = None
     sign: Literal[-1, 1] = -1
-    solve: Literal["delay", "algebraic"] = "delay"
+    solve: Literal["delay", "algebraic", "continuous"] = "delay"
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Go round the loop sample by sample, or solve it everywhere at once when it has no memory."""
@@ -47,6 +50,8 @@ class Feedback(Block):
             return signal, state
         if self._instant:
             return self.forward.step(error(self._static, signal))[0], None
+        if self.solve == "continuous":
+            return self._relaxed.step(signal, self._standing(signal, state))
         passed = []
         loop = state if isinstance(state, _Loop) else self._started(signal, state)
         for n in range(len(signal.values)):
@@ -66,6 +71,10 @@ class Feedback(Block):
             return Tangents(*static_tangent(self._static, signal, seeds, wrt), None)
         zero = signal.with_values(np.zeros(len(signal.values)), "discrete" if signal.sampled else "zoh")
         inputs = [*seeds, *[zero] * len(wrt)]
+        if self.solve == "continuous":
+            at, along = state if isinstance(state, tuple) else (self._standing(signal, state), Round(state, state))
+            y, found, at, along = self._relaxed.tangent(signal, inputs, wrt, at, along)
+            return Tangents(y, found, (at, along))
         if isinstance(state, tuple):
             plain, tangents, dz = state
         else:
@@ -100,9 +109,21 @@ class Feedback(Block):
         y, loop = rest(e)
         return y, None if self._instant else loop
 
+    def _standing(self, u: Signal, state: State) -> Round:
+        """Return where both blocks stand: at rest, steady at the first value, or where they were left."""
+        if isinstance(state, Round):
+            return state
+        if isinstance(state, str):  # STEADY
+            state = self.steady(float(u.values[0]), u.dt)[1]
+        return Round(state.forward, state.back) if isinstance(state, _Loop) else Round(state, state)
+
+    @property
+    def _relaxed(self) -> Relaxed:
+        return Relaxed(self.forward, self.back, self.sign)
+
     @property
     def _instant(self) -> bool:
-        return self.solve == "algebraic" and memoryless(self.forward) and (self.back is None or memoryless(self.back))
+        return self.solve != "delay" and memoryless(self.forward) and (self.back is None or memoryless(self.back))
 
     @property
     def _static(self) -> StaticLoop:
