@@ -24,7 +24,7 @@ def respond(tree: Block, u: Signal, initial: str = "rest", state: State = None) 
     if state is None and initial != "rest" and len(u.values):
         state = tree.steady(float(u.values[0]), u.dt)[1]
     y = np.empty(len(u.values))
-    for part in chunks(len(u.values)):
+    for part in chunks(len(u.values), tree):
         out, state = tree.step(u[part], state)
         y[part] = out.values
     return y, state
@@ -98,6 +98,7 @@ def input_signal(tree: Block, record: Record, path: str = "exact") -> Signal:
     return held(record.u, record.dt, between, record.t0, tree.panel_order(record.dt))
 
 
-def chunks(samples: int) -> Iterator[slice]:
-    """Yield slices that cover a record."""
-    return (slice(start, min(start + CHUNK, samples)) for start in range(0, samples, CHUNK))
+def chunks(samples: int, tree: Block | None = None) -> Iterator[slice]:
+    """Yield slices that cover a record: one, where a block of the tree looks ahead."""
+    size = max(samples, 1) if tree is not None and tree.looks_ahead() else CHUNK
+    return (slice(start, min(start + size, samples)) for start in range(0, samples, size))

@@ -93,7 +93,7 @@ def _disturbed(system: System, u: Signal, initial: str, noises: list[tuple[Distu
         level, front_state = front.steady(float(u.values[0]), u.dt) if front else (float(u.values[0]), None)
         back_state = back.steady(level, u.dt)[1]
     y = np.empty(len(v))
-    for part in chunks(len(v)):
+    for part in chunks(len(v), system.tree):
         inner, front_state = front.step(u[part], front_state) if front else (u[part], None)
         out, back_state = back.step(_plus(inner, added[part]), back_state)
         y[part] = out.values

@@ -8,6 +8,7 @@ from whid.blocks._block import Block
 from whid.blocks.backlash import Backlash
 from whid.blocks.bend import Bend
 from whid.blocks.chain import Chain
+from whid.blocks.clock_skew import ClockSkew
 from whid.blocks.constant import Constant
 from whid.blocks.coulomb import Coulomb
 from whid.blocks.dead_zone import DeadZone
@@ -18,6 +19,7 @@ from whid.blocks.kinked import Kinked
 from whid.blocks.gain_drift import GainDrift
 from whid.blocks.gain_step import GainStep
 from whid.blocks.hinge import Hinge
+from whid.blocks.intersample import Intersample
 from whid.blocks.jump import Jump
 from whid.blocks.linear import Linear
 from whid.blocks.offset_step import OffsetStep
@@ -42,6 +44,7 @@ CLOCKED = (
     "gain_drift",
     "offset_step",
     "gain_step",
+    "clock_skew",
 )  # kinds that do something of their own in time: no steady output, and t0 matters
 LAG = Linear(num=(1.5,), den=(1.0, 2.0))
 RESONANT = Linear(num=(1.0, 3.0), den=(1.0, 0.9, 4.0))
@@ -53,6 +56,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Backlash(rising=(0.05, 1.0), falling=(-0.05, 0.4, 0.1)),  # of unlike degree, the rising one above at first
     ),
     "bend": (Bend(coefficients=(0.1, -0.05, 0.02), scale=1.5), Bend(coefficients=(0.2,))),
+    "bend": (Bend(coefficients=(0.1, -0.05, 0.02), centre=0.2, scale=1.5), Bend(coefficients=(0.2,))),
     "chain": (
         Chain(chain=(RESONANT, Piecewise(breaks=(-0.3, 0.4), pieces=((0.5,), (0.0, 1.0, 0.3), (-0.4,))), LAG)),
         Chain(chain=(Saturation(low=-0.5, high=0.7), LAG, Preload(offset=0.2), RESONANT)),
@@ -62,6 +66,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
             chain=(LAG, Coulomb(force=0.3), Linear(num=(1.0, 1.0), den=(1.0, 2.0)), Polynomial(coefficients=(0.1, 1.0, 0.4)))
         ),
     ),
+    "clock_skew": (ClockSkew(skew=-0.021), ClockSkew(skew=0.013)),
     "constant": (Constant(level=-3.2),),
     "coulomb": (Coulomb(force=0.7, offset=-0.1),),
     "dead_zone": (DeadZone(low=-0.3, high=0.55, slope=1.7), DeadZone(low=-0.3, high=0.55, slope=1.7, knee=0.4)),
@@ -86,6 +91,7 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
     "gain_drift": (GainDrift(times=(0.0, 1.1, 3.0, 8.0), levels=(0.0, 0.5, -0.2, 0.1)),),
     "gain_step": (GainStep(at_s=2.4, height=0.3),),
     "hinge": (Hinge(at=0.3, slope=0.8),),
+    "intersample": (Intersample(between="foh"), Intersample(between="bandlimited")),
     "jump": (Jump(at=-0.2, height=0.4),),
     "linear": (
         LAG,

@@ -56,6 +56,7 @@ class Block(Kind):
     """
 
     family: ClassVar[str] = "whid.blocks"
+    whole: ClassVar[bool] = False  # it looks ahead: a record must come in one piece
     fix: bool | tuple[str, ...] = False  # true: hold every number in a fit; a list: these fields (den) or numbers (den.1)
 
     @abstractmethod
@@ -80,6 +81,10 @@ class Block(Kind):
     def panel_order(self, dt: float) -> int:
         """Return how many nodes an interval needs for the exact path: more when the block is fast against dt."""
         return max([4, *(block.panel_order(dt) for block in self.children())])
+
+    def looks_ahead(self) -> bool:
+        """Tell whether a record must come in one piece, for this block or one inside it."""
+        return self.whole or any(block.looks_ahead() for block in self.children())
 
     def children(self) -> tuple[Block, ...]:
         """Return the blocks inside this one, in the order of their fields."""

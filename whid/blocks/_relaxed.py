@@ -112,7 +112,7 @@ def _added(
     """Return a block's derivatives along the seeds, the last len(wrt) with the block's own numbers added."""
     mine = [k for k, name in enumerate(wrt) if name.startswith(prefix)]
     _, along, state = block.tangent(signal, seeds, [wrt[k][len(prefix) :] for k in mine], state)
-    columns, first = along[: len(seeds)], len(seeds) - len(wrt)
+    columns, first = list(along[: len(seeds)]), len(seeds) - len(wrt)
     for k, own in zip(mine, along[len(seeds) :], strict=True):
         columns[first + k] = total([columns[first + k], own])
     return columns, state

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block
 from whid.blocks.chain import Chain
+from whid.effects._candidate import Candidate
 from whid.errors import WhidError
 from whid.predict import chunks, input_signal
 from whid.record import Record
@@ -36,12 +37,14 @@ class Look:
 
     records  as the fit sees them: selection and report samples hidden
     noises   one a record; every comparison is made on whitened rows over σ
+    core     where in the system's series the declared blocks are
     path     exact between samples, or sampled
     """
 
     system: System
     records: tuple[Record, ...]
     noises: tuple[Noise, ...]
+    core: tuple[int, int] = (0, 0)
     path: str = "exact"
     _signals: dict[int, tuple[Floats, ...]] = field(default_factory=dict)
 
@@ -86,7 +89,7 @@ class Look:
 
     def rest(self, rows: Floats) -> Floats:
         """Return rows without what changes of the model's free numbers could make, to first order."""
-        q = self._basis
+        q = self.basis
         return np.asarray(rows - q @ (q.T @ rows))
 
     def simulate(self, system: System) -> tuple[Floats, ...] | None:
@@ -97,15 +100,24 @@ class Look:
             return None
         return found if all(np.all(np.isfinite(y)) for y in found) else None
 
-    def change(self, systems: Sequence[System]) -> Floats | None:
-        """Return what other systems would change of ŷ, whitened and projected: (n, systems); None where one has no ŷ."""
-        responses = [self.simulate(system) for system in systems]
-        if any(r is None for r in responses):
+    def change(self, system: System) -> Floats | None:
+        """Return what another system would change of ŷ, whitened and projected, (n, 1); None where it has no response."""
+        response = self.simulate(system)
+        if response is None:
             return None
-        columns = [
-            np.stack([r[k] - base for r in responses if r is not None], axis=1) for k, base in enumerate(self.predicted)
-        ]
+        columns = [(y - base)[:, None] for y, base in zip(response, self.predicted, strict=True)]
         return self.rest(self.rows(columns))
+
+    def along(self, candidate: Candidate) -> Floats | None:
+        """Return what a candidate's amplitudes would change of ŷ, each a unit of it, to first order from 0: (n, q)."""
+        tree = candidate.at(dict.fromkeys(candidate.amplitude, 0.0)).system.tree
+        try:
+            pairs = [sensitivities(tree, record, candidate.amplitude, self.path) for record in self.records]
+        except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
+            return None
+        if not all(np.all(np.isfinite(j)) for _, j in pairs):
+            return None
+        return self.rest(self.rows([j for _, j in pairs]))
 
     def signal(self, place: int) -> tuple[Floats, ...]:
         """Return the samples of what enters the block at a place of the series (len: what leaves the last)."""
@@ -128,7 +140,7 @@ class Look:
         return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs])
 
     @cached_property
-    def _basis(self) -> Floats:
+    def basis(self) -> Floats:
         """Return orthonormal columns that span the sensitivities, (n, rank)."""
         j = self._linearised[1]
         size = np.linalg.norm(j, axis=0)
@@ -140,9 +152,14 @@ class Look:
         q = scaled @ (vectors[:, kept] / np.sqrt(values[kept]))
         return np.asarray(np.linalg.qr(q)[0])
 
-    def moved(self, system: System) -> Look:
+    def moved(self, system: System, core: tuple[int, int] | None = None) -> Look:
         """Return the look at another system."""
-        return replace(self, system=system, _signals={})
+        return replace(self, system=system, core=self.core if core is None else core, _signals={})
+
+    def span(self, place: int) -> tuple[float, float]:
+        """Return the least and the greatest of what enters the block at a place."""
+        low, high = self.quantiles(place, (0.0, 1.0))
+        return float(low), float(high)
 
 
 def respond(tree: Block, record: Record, path: str) -> Floats:
@@ -150,7 +167,7 @@ def respond(tree: Block, record: Record, path: str) -> Floats:
     u = input_signal(tree, record, path)
     state = begun(tree, u, record)
     out = np.empty(len(record))
-    for part in chunks(len(record)):
+    for part in chunks(len(record), tree):
         y, state = tree.step(u[part], state)
         out[part] = y.values
     return out
@@ -172,7 +189,7 @@ def sensitivities(tree: Block, record: Record, names: Sequence[str], path: str) 
     u = input_signal(tree, record, path)
     state = begun(tree, u, record)
     y, j = np.empty(len(record)), np.empty((len(record), len(names)))
-    for part in chunks(len(record)):
+    for part in chunks(len(record), tree):
         out, tangents, state = tree.tangent(u[part], [], list(names), state)
         y[part] = out.values
         j[part] = np.array([t.values for t in tangents]).reshape(len(names), -1).T

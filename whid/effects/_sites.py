@@ -2,32 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from whid.blocks._block import Block
+from whid.blocks._static import Static
+from whid.blocks.chain import Chain
 from whid.blocks.linear import Linear
 from whid.blocks.oversampled import Oversampled
 from whid.blocks.parallel import Parallel
+from whid.effects._candidate import Candidate
 from whid.system import System
 
 DYNAMIC = ("linear", "delay")
-LAST = ("tone",)  # added behind everything
+Core = tuple[int, int]  # where in the series the declared blocks begin and end: what stands outside was added
 
 
 class Edit(NamedTuple):
-    """An edited system and what the names of the new block's numbers begin with."""
+    """An edited system, what the names of the new block's numbers begin with, and where the declared blocks are now."""
 
     system: System
     path: str
+    core: Core
+
+    def candidate(
+        self, *names: str, amplitude: tuple[str, ...] = (), rough: tuple[str, ...] = (), tried: int = 1
+    ) -> Candidate:
+        """Return the candidate whose new numbers these are, named as in the new block."""
+        new, scaled, searched = (tuple(self.path + name for name in each) for each in (names, amplitude, rough))
+        return Candidate(self.system, self.core, new, scaled, searched, tried)
 
 
 @dataclass(frozen=True)
 class Sites:
-    """The places of a system's series: linear blocks in front, the nonlinear one, linear blocks behind."""
+    """The places of a system's series: what was declared, and what was added before and behind it."""
 
     system: System
+    core: Core
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -35,39 +46,87 @@ class Sites:
         return self.system.series
 
     @property
-    def nonlinear(self) -> list[int]:
-        """Return the places of the nonlinear blocks."""
-        return [k for k, block in enumerate(self.blocks) if block.kind not in DYNAMIC and not _linear(block)]
-
-    @property
-    def front(self) -> int | None:
-        """Return the place ahead of the nonlinear block, None where a linear block there would be the back's."""
-        return self.nonlinear[0] if self.nonlinear else None
-
-    @property
     def end(self) -> int:
         """Return the place behind the last block."""
         return len(self.blocks)
 
-    def inserted(self, place: int, block: Block) -> Edit:
-        """Return the system with a block ahead of the one at a place of the series."""
+    @property
+    def nonlinear(self) -> list[int]:
+        """Return the places of the declared blocks that are not linear."""
+        return [k for k in range(*self.core) if not _linear(self.blocks[k])]
+
+    @property
+    def moving(self) -> bool:
+        """Tell whether the declared blocks have a memory."""
+        return not all(_instant(block) for block in self.blocks[slice(*self.core)])
+
+    @property
+    def static(self) -> list[int]:
+        """Return the places of the declared static curves."""
+        inner = (Static, Parallel)
+        return [k for k in self.nonlinear if isinstance(self.blocks[k], inner) and _instant(self.blocks[k])]
+
+    @property
+    def front(self) -> int | None:
+        """Return the place of a linear block in front: ahead of the curve, between two curves, behind a linear chain."""
+        curves = self.nonlinear
+        if not curves:
+            return self.core[1]
+        between = len(curves) > 1 and curves[0] == self.core[0]
+        return curves[1] if between else curves[0]
+
+    @property
+    def back(self) -> int | None:
+        """Return the place of a linear block behind the curve, None where that is no other place than in front."""
+        curves = self.nonlinear
+        return self.core[1] if curves and (curves[-1] < self.core[1] - 1 or len(curves) == 1) else None
+
+    def inserted(self, place: int, block: Block, *, inside: bool = False) -> Edit:
+        """Return the system with a block ahead of the one at a place; `inside`: among the declared blocks."""
         chain = (*self.blocks[:place], block, *self.blocks[place:])
-        return Edit(self._with(chain), f"{self.system.series_path}{place}.")
+        first, last = self.core
+        before = place < first or (place == first and not inside)
+        core = (first + 1, last + 1) if before else (first, last + 1 if place < last or inside else last)
+        return Edit(self._with(chain), f"{self.system.series_path}{place}.", core)
 
     def beside(self, place: int, branch: Block) -> Edit:
         """Return the system with a branch in parallel to the block at a place; a branch already there gets a neighbour."""
         here = self.blocks[place]
         branches = here.parallel if isinstance(here, Parallel) else (here,)
         chain = (*self.blocks[:place], Parallel(parallel=(*branches, branch)), *self.blocks[place + 1 :])
-        return Edit(self._with(chain), f"{self.system.series_path}{place}.parallel.{len(branches)}.")
+        return Edit(self._with(chain), f"{self.system.series_path}{place}.parallel.{len(branches)}.", self.core)
 
     def replaced(self, place: int, block: Block) -> Edit:
         """Return the system with another block at a place."""
         chain = (*self.blocks[:place], block, *self.blocks[place + 1 :])
-        return Edit(self._with(chain), f"{self.system.series_path}{place}.")
+        return Edit(self._with(chain), f"{self.system.series_path}{place}.", self.core)
+
+    @property
+    def declared(self) -> Block:
+        """Return the declared blocks as one."""
+        first, last = self.core
+        return self.blocks[first] if last - first == 1 else Chain(chain=self.blocks[first:last])
+
+    def around(self, block: Block) -> Edit:
+        """Return the system with one block, which holds the declared ones, in their place."""
+        first, last = self.core
+        chain = (*self.blocks[:first], block, *self.blocks[last:])
+        return Edit(self._with(chain), f"{self.system.series_path}{first}.", (first, first + 1))
+
+    def along(self, branch: Block) -> Edit:
+        """Return the system with a branch in parallel to all the declared blocks."""
+        here = self.declared
+        branches = here.parallel if isinstance(here, Parallel) else (here,)
+        edit = self.around(Parallel(parallel=(*branches, branch)))
+        return edit._replace(path=f"{edit.path}parallel.{len(branches)}.")
+
+    def added(self, tone: Block) -> Edit:
+        """Return the system with a tone behind everything."""
+        chain = (*self.system.chain, tone)
+        return Edit(replace(self.system, chain=chain), f"chain.{len(chain) - 1}.", self.core)
 
     def _with(self, chain: tuple[Block, ...]) -> System:
-        tones = tuple(block for block in self.system.chain if block.kind in LAST)
+        tones = tuple(block for block in self.system.chain if block.kind == "tone")
         first = self.system.chain[0]
         if self.system.series_path != "chain." and isinstance(first, Oversampled):
             return replace(self.system, chain=(replace(first, chain=chain), *tones))
@@ -75,11 +134,10 @@ class Sites:
 
 
 def _linear(block: Block) -> bool:
-    return isinstance(block, Linear) or (bool(block.children()) and all(_linear(child) for child in block.children()))
+    inside = block.children()
+    return block.kind in DYNAMIC or isinstance(block, Linear) or (bool(inside) and all(_linear(child) for child in inside))
 
 
-def walked(block: Block, path: str = "") -> Iterator[tuple[str, Block]]:
-    """Yield every block of a tree with the beginning of its numbers' names."""
-    yield path, block
-    for name, child in block.named_children():
-        yield from walked(child, f"{path}{name}.")
+def _instant(block: Block) -> bool:
+    inside = block.children()
+    return all(_instant(child) for child in inside) if inside else isinstance(block, Static)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from whid.blocks.dead_zone import DeadZone as Gap
-from whid.effects._effect import Candidate, Effect, Place
+from whid.effects._candidate import Candidate
+from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-SHARES = (0.01, 0.03, 0.08, 0.15, 0.3)  # of the range, either side of 0
+
+SHARES = (0.005, 0.015, 0.04, 0.08, 0.15, 0.25, 0.4)  # of the reach, either side of 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +25,10 @@ class DeadZone(Effect):
 
     places: ClassVar[tuple[Place, ...]] = ("input",)
 
-    def candidates(self, look: Look) -> Iterator[Candidate]:
+    def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield dead zones around 0, symmetric and one-sided."""
-        sites = Sites(look.system)
-        bottom, top = look.quantiles(0, (0.0, 1.0))
+        reach = max(map(abs, look.span(0)))
         for share in SHARES:
-            half = float(share * max(abs(bottom), abs(top)))
+            half = share * reach
             for low, high in ((-half, half), (-half, 0.1 * half), (-0.1 * half, half)):
-                edit = sites.inserted(0, Gap(low=low, high=high, fix=("slope",)))
-                yield Candidate(edit.system, (edit.path + "low", edit.path + "high"))
+                yield sites.inserted(0, Gap(low=low, high=high, fix=("slope",))).candidate("low", "high")

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from whid.blocks.linear import Linear
-from whid.effects._effect import Candidate, Effect, Place
+from whid.effects._candidate import Candidate
+from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-SAMPLES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+
+SAMPLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,15 +23,13 @@ class Lag(Effect):
     Its signature is a phase that grows with frequency, ahead of the curve or behind it; a short one looks like a delay.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("front", "back")
+    places: ClassVar[tuple[Place, ...]] = ("front", "back",)
 
-    def candidates(self, look: Look) -> Iterator[Candidate]:
+    def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a lag of some samples, and of many."""
-        sites = Sites(look.system)
-        if self.place == "front" and sites.front is None:
-            return  # in a linear chain it is the same as behind
-        place = sites.end if self.place == "back" else int(sites.front or 0)
-        dt = look.records[0].dt
-        for tau in np.array(SAMPLES) * dt:
-            edit = sites.inserted(place, Linear(num=(1.0,), den=(float(tau), 1.0), fix=("num", "den.1")))
-            yield Candidate(edit.system, (edit.path + "den.0",))
+        place = sites.front if self.place == "front" else sites.back
+        if place is None:
+            return
+        for samples in SAMPLES:
+            block = Linear(num=(1.0,), den=(samples * look.records[0].dt, 1.0), fix=("num", "den.1"))
+            yield sites.inserted(place, block, inside=True).candidate("den.0")

@@ -22,7 +22,7 @@ def band(tree: Block, record: Record, estimate: Estimate, path: str = "exact") -
     u = input_signal(tree, record, path)
     state = None if record.initial == "rest" else STEADY
     out = np.empty(len(record))
-    for part in chunks(len(record)):
+    for part in chunks(len(record), tree):
         _, tangents, state = tree.tangent(u[part], [], [estimate.names[k] for k in keep], state)
         j = np.array([t.values for t in tangents]).reshape(len(keep), -1)
         out[part] = np.sqrt(np.maximum(np.einsum("in,ij,jn->n", j, covariance, j), 0.0))

@@ -194,7 +194,7 @@ class Problem:
         """Yield rows [∂ŷ/∂θ | ŷ − y], or [ŷ − y] alone where `levels` is None, in time order."""
         u = d.input(tree, self.path, past)
         state, seeds = d.start(tree, u), d.seeds(u) if levels else []
-        for part in chunks(len(u.values)):
+        for part in chunks(len(u.values), tree):
             keep = max(d.lead - part.start, 0)
             if levels is None:
                 out, state = tree.step(u[part], state)

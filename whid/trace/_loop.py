@@ -90,7 +90,9 @@ class _Loop:
         """Fit the declared model, the noise with it."""
         std = self.floor.std if self.floor.dof else 1.0
         noise = Noise(std, tuple(self.floor.ar)) if self.floor.dof else Noise()
-        look, estimate = fitted(Look(self.system, tuple(seen), (noise,) * len(seen), self.path))
+        look, estimate = fitted(
+            Look(self.system, tuple(seen), (noise,) * len(seen), (0, len(self.system.series)), self.path)
+        )
         if not self.floor.dof:
             for _ in range(3 if self.coloured else 1):
                 look = self.with_noise(look)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from whid.effects._effect import Candidate, Effect, Screened, gain
+from whid.effects._candidate import Candidate
+from whid.effects._effect import Effect, Screened
 from whid.effects._look import Look
 from whid.errors import WhidError
 from whid.fit import Estimate
@@ -53,7 +54,7 @@ def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
     try:
         if candidate.rough:
             candidate = polished(look, candidate)
-        after, estimate = fitted(look.moved(candidate.system), iterations)
+        after, estimate = fitted(look.moved(candidate.system, candidate.core), iterations)
         if candidate.rough:
             candidate = polished(after, candidate._replace(system=after.system))
             after, estimate = fitted(after.moved(candidate.system), iterations)
@@ -107,5 +108,3 @@ def _cost(look: Look, candidate: Candidate) -> float:
     left = look.rest(look.rows(errors))[:, 0]
     return float(left @ left)
 
-
-__all__ = ["Refit", "error2", "fitted", "gain", "gain_over", "polished", "refit"]

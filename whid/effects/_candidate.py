@@ -1,0 +1,42 @@
+"""An edit of the tree that adds an effect, at start values of its new numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from whid.system import System
+
+
+class Candidate(NamedTuple):
+    """An edit of the tree that adds an effect, at start values of its new numbers.
+
+    core       where in the edited series the declared blocks are
+    new        paths in the edited tree of the numbers that the effect brings: reported, and paid for
+    amplitude  those of them that scale what it does: at 0 it does nothing. Screening finds them by linear least squares; a
+               candidate without any is judged as it stands
+    rough      those whose derivative does not lead a fit (a quantiser's step): searched without it
+    tried      values of further numbers that were looked at to come to this start
+    """
+
+    system: System
+    core: tuple[int, int]
+    new: tuple[str, ...]
+    amplitude: tuple[str, ...] = ()
+    rough: tuple[str, ...] = ()
+    tried: int = 1
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Return the new numbers."""
+        every = {p.name: p.value for p in self.system.tree.parameters(held=True)}
+        return {name: every[name] for name in self.new}
+
+    def at(self, values: dict[str, float]) -> Candidate:
+        """Return the candidate at other values of some numbers, kept within their bounds."""
+        bounds = {p.name: (p.lower, p.upper) for p in self.system.tree.parameters(held=True)}
+        kept = {name: float(np.clip(v, *bounds[name])) for name, v in values.items()}
+        tree = self.system.tree.with_parameters(kept)
+        return self._replace(system=replace(self.system, chain=tree.chain))
