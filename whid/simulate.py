@@ -48,7 +48,7 @@ def simulate(
     y = x
     for noise, stream in noises:
         if noise.place == "output":
-            y = y + noise.scale(x) * noise.draw(len(u), experiment.dt, stream)
+            y = y + noise.scale(x) * noise.shape(x, experiment.dt) * noise.draw(len(u), experiment.dt, stream)
     return Record(
         u=u, y=y, dt=experiment.dt, intersample=experiment.intersample, initial=experiment.initial,
         parts=plan, name=experiment.name,

@@ -41,6 +41,10 @@ class Disturbance(Kind):
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return the autocovariance at lags 0 … lags − 1 for unit standard deviation."""
 
+    def shape(self, undisturbed: Floats, dt: float) -> Floats | float:
+        """Return by how much more or less it is at every sample: 1, unless its size follows the signal."""
+        return 1.0
+
     def scale(self, undisturbed: Floats) -> float:
         """Return the standard deviation, from `std` or from the record's variance and `snr_db`."""
         if self.std is not None:

@@ -10,12 +10,22 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from whid.effects._candidate import Candidate
-from whid.effects._look import Look
+from whid.effects._look import Bools, Look, Noise
 from whid.effects._sites import Sites
 from whid.kinds import Kind
 
 Place = Literal["input", "front", "back", "nonlinearity", "output", "loop", "parallel", "time", "noise"]
 LEAST, MOST = 1 / 3, 3.0  # of a start's change, what screening may scale it by
+
+
+class Told(NamedTuple):
+    """What a description of noise says beside its disturbance: its numbers, the noise it makes, samples to leave the fit."""
+
+    numbers: dict[str, float]
+    std: dict[str, float]
+    noises: tuple[Noise, ...]
+    hidden: tuple[Bools, ...] | None
+    penalty: float
 
 
 class Screened(NamedTuple):
@@ -24,6 +34,7 @@ class Screened(NamedTuple):
     effect: Effect
     candidate: Candidate
     gain: float  # log-likelihood, nats, penalties paid
+    told: Told | None = None  # of a description of noise
 
 
 @dataclass(frozen=True, kw_only=True)

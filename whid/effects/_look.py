@@ -23,12 +23,16 @@ Bools = NDArray[np.bool_]
 RANK = 1e-8  # of the largest singular value of the sensitivities, columns of unit length
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Noise:
-    """What is known of one record's noise: σ of its innovation, and its colour e(t) = Σ aₖ e(t − k) + innovation."""
+    """What is known of one record's noise: σ of its innovation, and its colour e(t) = Σ aₖ e(t − k) + innovation.
+
+    shape (N,) factors of σ where it varies from sample to sample, or None.
+    """
 
     std: float = 1.0
     ar: tuple[float, ...] = ()
+    shape: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,8 @@ class Look:
         found = []
         for values, use, noise in zip(columns, self.use, self.noises, strict=True):
             white = whitened(np.where(use[:, None], values, 0.0), use, np.array(noise.ar))
-            found.append(white[use] / noise.std)
+            size = noise.std if noise.shape is None else noise.std * noise.shape[use][:, None]
+            found.append(white[use] / size)
         return np.concatenate(found)
 
     def rest(self, rows: Floats) -> Floats:

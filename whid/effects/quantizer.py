@@ -1,4 +1,4 @@
-"""An input that comes in steps."""
+"""A converter of too few bits, at the input or at the output."""
 
 from __future__ import annotations
 
@@ -9,23 +9,31 @@ from typing import ClassVar
 import numpy as np
 
 from whid.blocks.quantizer import Quantizer as Steps
+from whid.disturbances.rounding import Rounding
 from whid.effects._candidate import Candidate
-from whid.effects._effect import Effect, Place
+from whid.effects._effect import Effect, Place, Screened
 from whid.effects._look import Look
+from whid.effects._noisy import Fitted, NoiseEffect
 from whid.effects._sites import Sites
-
+from whid.signal import Floats
 
 SHARES = np.geomspace(2e-3, 0.3, 60)  # of the range; a step that is off by a tenth explains nothing
+VISIBLE = 0.2  # of σ: a finer step is how the file was written, not what the converter does
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantizer(Effect):
-    """A converter of too few bits: w = step·round(v/step).
+class Quantizer(NoiseEffect):
+    """Values that come in steps: w = step·round(v/step).
 
-    Its signature is a residual that looks random but repeats with the input.
+    At the input its signature is a residual that looks random but repeats with the input; at the output every value lies on a
+    lattice, which needs no model to be seen.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("input",)
+    places: ClassVar[tuple[Place, ...]] = ("input", "output")
+
+    def screen(self, look: Look) -> list[Screened]:
+        """Return steps of the input, or the lattice of the output."""
+        return Effect.screen(self, look) if self.place == "input" else NoiseEffect.screen(self, look)
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield steps of some shares of the range."""
@@ -33,3 +41,31 @@ class Quantizer(Effect):
         for share in SHARES:
             edit = sites.inserted(0, Steps(step_=float(share * (high - low))))
             yield edit.candidate("step_", rough=("step_",))
+
+    def explain(self, look: Look, sites: Sites) -> Fitted | None:
+        """Return the lattice on which all outputs lie, with log(σ/resolution) nats a sample that it predicts."""
+        y = np.concatenate([r.y[use] for r, use in zip(look.records, look.use, strict=True)])
+        step = lattice(y)
+        spread = float(np.sqrt(look.chi2 / look.samples) * look.noises[0].std) if look.samples else 0.0
+        if step is None or step < VISIBLE * spread or any(n.kind == "rounding" for n in look.system.noise):
+            return None
+        return Fitted(Rounding(std=step / np.sqrt(12)), float(look.samples), {"step": step}, {"step": 0.0}, look.noises)
+
+
+def lattice(y: Floats) -> float | None:
+    """Return the step of which all values are multiples, None where they come in no steps.
+
+    >>> round(lattice(0.25 * np.round(np.random.default_rng(0).standard_normal(500) / 0.25)), 9)
+    0.25
+    """
+    values = np.unique(y)
+    if len(values) < 3 or len(values) > len(y) / 3:
+        return None
+    steps = np.diff(values)
+    step = float(steps.min())
+    if not step > 1e-9 * np.abs(values).max():
+        return None
+    count = np.round((values - values[0]) / step)
+    step = float((values[-1] - values[0]) / count[-1])
+    off = np.abs((values - values[0]) / step - np.round((values - values[0]) / step))
+    return step if off.max() < 0.02 else None

@@ -29,6 +29,7 @@ from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
+PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
 MOST = 0.5  # of what was left over: what an effect must explain to be named
@@ -116,10 +117,11 @@ class _Loop:
         fits: list[Refit] = []
         for starts in ranked:
             best = max((f.gain for f in fits), default=0.0)
-            promising = starts[0].gain > max(0.0, BEHIND * best) - 5.0
-            if len(fits) == FINALISTS or not promising or starts[0].gain < -5.0:
+            if len(fits) == FINALISTS or starts[0].gain < max(PROMISING, BEHIND * best):
                 break
+            t0=time.process_time()
             found = refit(look, starts[:STARTS])
+            print("   refit", starts[0].effect.name, round(starts[0].gain,1), None if found is None else round(found.gain,1), round(time.process_time()-t0,2), None if found is None else (found.estimate.iterations, found.estimate.why_stop))
             if found is not None:
                 fits.append(self.ranked_by_selection(look, found))
         good = sorted((f for f in fits if not self.vetoed(f)), key=lambda f: -f.gain)

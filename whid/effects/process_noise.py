@@ -1,0 +1,72 @@
+"""Noise ahead of the curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from whid.blocks.chain import Chain
+from whid.blocks.linear import Linear
+from whid.disturbances.process import Process
+from whid.effects._effect import Place
+from whid.effects._look import Look
+from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked_errors, variances
+from whid.effects._sites import Sites
+from whid.signal import Floats
+
+BLOCK = 64  # samples over which the slope of the curve is averaged, and whose spectrum is taken
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessNoise(NoiseEffect):
+    """Noise that goes through the curve and what is behind it: e = back(f′(v)·w) + white.
+
+    Its signature is a scatter that is large where the curve is steep, coloured by the blocks behind it.
+    """
+
+    places: ClassVar[tuple[Place, ...]] = ("noise",)
+
+    def explain(self, look: Look, sites: Sites) -> Fitted | None:
+        """Return the size of w that makes the residual likeliest, by Whittle's likelihood block by block."""
+        if not sites.static:
+            return None
+        place = sites.static[0]
+        behind = sites.blocks[place + 1 : sites.core[1]]
+        slopes = tuple(_slope(sites.blocks[place], v) for v in look.signal(place))
+        if any(not isinstance(block, Linear) for block in behind):
+            return None
+        if not behind:
+            f = tuple(s**2 for s in slopes)
+            found = variances(stacked_errors(look), np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)]))
+            noises = shaped(look, found.base, found.share, f)
+        else:
+            pairs = list(_blocks(look, slopes, Chain(chain=behind)))
+            if not pairs:
+                return None
+            found = variances(np.concatenate([e for e, _ in pairs]), np.concatenate([f for _, f in pairs]))
+            noises = look.noises
+        std = float(np.sqrt(found.share))
+        return Fitted(Process(std=std), found.nats, {"std": std}, {"std": found.share_std / (2 * std)}, noises)
+
+
+def _slope(block: object, v: Floats) -> Floats:
+    """Return f′(v) by a difference: blocks beside one another have no derivative of their own."""
+    h = 1e-4 * (np.ptp(v) or 1.0)
+    up, down = (block(v + s * h, 1.0, "discrete") for s in (1, -1))  # type: ignore[operator]
+    return np.asarray((up - down) / (2 * h))
+
+
+def _blocks(look: Look, slopes: tuple[Floats, ...], behind: Chain) -> Iterator[tuple[Floats, Floats]]:
+    """Yield the spectrum of every whole block of residual, real and imaginary parts, and the shape of its variance."""
+    for record, error, use, slope in zip(look.records, look.errors, look.use, slopes, strict=True):
+        pulse = np.zeros(BLOCK)
+        pulse[0] = 1.0
+        shape = np.abs(np.fft.rfft(behind(pulse, record.dt, "zoh"), 2 * BLOCK)[2:-1:2]) ** 2
+        for start in range(0, len(record) - BLOCK, BLOCK):
+            part = slice(start, start + BLOCK)
+            if use[part].all():
+                e = np.fft.rfft(error[part])[1:-1] * np.sqrt(2 / BLOCK)
+                yield np.concatenate([e.real, e.imag]), np.tile(shape * np.mean(slope[part] ** 2), 2)
