@@ -15,12 +15,12 @@ from whid.blocks.dead_zone import DeadZone
 from whid.blocks.delay import Delay
 from whid.blocks.drift import Drift
 from whid.blocks.feedback import Feedback
-from whid.blocks.kinked import Kinked
 from whid.blocks.gain_drift import GainDrift
 from whid.blocks.gain_step import GainStep
 from whid.blocks.hinge import Hinge
 from whid.blocks.intersample import Intersample
 from whid.blocks.jump import Jump
+from whid.blocks.kinked import Kinked
 from whid.blocks.linear import Linear
 from whid.blocks.offset_step import OffsetStep
 from whid.blocks.oversampled import Oversampled
@@ -55,7 +55,6 @@ EXAMPLES: dict[str, tuple[Block, ...]] = {
         Backlash(rising=(-0.3, 0.7, 0.8, -0.8), falling=(-0.2, 0.7, 0.7, -0.1)),  # crossing, not invertible
         Backlash(rising=(0.05, 1.0), falling=(-0.05, 0.4, 0.1)),  # of unlike degree, the rising one above at first
     ),
-    "bend": (Bend(coefficients=(0.1, -0.05, 0.02), scale=1.5), Bend(coefficients=(0.2,))),
     "bend": (Bend(coefficients=(0.1, -0.05, 0.02), centre=0.2, scale=1.5), Bend(coefficients=(0.2,))),
     "chain": (
         Chain(chain=(RESONANT, Piecewise(breaks=(-0.3, 0.4), pieces=((0.5,), (0.0, 1.0, 0.3), (-0.4,))), LAG)),

@@ -9,7 +9,8 @@ import numpy as np
 from whid.blocks.chain import Chain
 from whid.blocks.constant import Constant
 from whid.blocks.linear import Linear
-from whid.effects._effect import Candidate, Effect, Place
+from whid.effects._candidate import Candidate
+from whid.effects._effect import Effect, Place
 from whid.effects._look import Look, Noise
 from whid.effects._sites import Sites
 from whid.predict import predict
@@ -25,10 +26,8 @@ class Offset(Effect):
     places: ClassVar[tuple[Place, ...]] = ("output",)
     place: Place = "output"
 
-    def candidates(self, look: Look) -> Iterator[Candidate]:
-        sites = Sites(look.system)
-        edit = sites.beside(sites.end - 1, Constant(level=0.01))
-        yield Candidate(edit.system, (edit.path + "level",), (edit.path + "level",))
+    def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
+        yield sites.beside(sites.end - 1, Constant(level=0.0)).candidate("level", amplitude=("level",))
 
 
 def look(offset, seed):
@@ -36,7 +35,7 @@ def look(offset, seed):
     u = rng.standard_normal(400)
     blank = Record(u=u, y=u, dt=0.1)
     y = predict(PLANT.tree, blank) + offset + 0.1 * rng.standard_normal(400)
-    return fitted(Look(PLANT, (replace(blank, y=y),), (Noise(0.1),)))[0]
+    return fitted(Look(PLANT, (replace(blank, y=y),), (Noise(0.1),), (0, 1)))[0]
 
 
 PLANT = System(chain=(Linear(num=(1.0,), den=(0.5, 1.0)),))
@@ -67,6 +66,6 @@ def test_edits_of_a_system():
     assert PLANT.replaced(0, Chain(chain=(lag, gain))).chain == (Chain(chain=(lag, gain)),)
     u = np.random.default_rng(0).standard_normal(50)
     assert np.allclose(PLANT.beside(gain).tree(u, 0.1), PLANT.tree(u, 0.1) + 3 * u)
-    twice = Sites(Sites(PLANT).beside(0, gain).system).beside(0, gain)
+    twice = Sites(Sites(PLANT, (0, 1)).beside(0, gain).system, (0, 1)).beside(0, gain)
     assert twice.path == "chain.0.parallel.2."
     assert np.allclose(twice.system.tree(u, 0.1), PLANT.tree(u, 0.1) + 6 * u)

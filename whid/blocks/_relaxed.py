@@ -1,4 +1,4 @@
-"""Loops in continuous time, solved by going round until nothing moves: waveform relaxation, a window of samples at a time."""
+"""Loops in continuous time, solved by going round until nothing moves: waveform relaxation, window by window."""
 
 from __future__ import annotations
 

@@ -30,8 +30,8 @@ class Feedback(Block):
     Between samples what comes back is held (unless continuous) and everything else is exact; a loop of static blocks is
     solved between samples as well, its kinks met where they are. Without `back` the output itself comes back.
     Cost: a loop with dynamics goes sample by sample, some 0.3 ms a sample and block, algebraic four times that; a loop of
-    static blocks is vectorised, and so is a continuous one: as many times the blocks' own cost as it takes to settle, ten where
-    little comes back. Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
+    static blocks is vectorised, and so is a continuous one: ten times the blocks' own cost where little comes back.
+    Raises `WhidError("feedback-no-solution")`, and `"block-no-steady-state"` from its blocks.
 
     >>> from whid.blocks.polynomial import Polynomial
     >>> gain = Polynomial(coefficients=(0.0, 9.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -10,7 +10,9 @@ import numpy as np
 from annotated_types import Gt
 
 from whid.blocks._block import STEADY, Block, Free, State, Tangents
-from whid.signal import Floats, Panels, Signal, Splits, rule
+from whid.signal import Floats, Ints, Panels, Signal, Splits, rule
+
+Course = Callable[[Ints, Floats], Floats]  # of some intervals at places in them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +71,10 @@ class _Way(NamedTuple):
             return signal.with_values(self.start, "discrete")
         speed, v, dt = self.sign * rate, signal.values, signal.dt
 
-        def ramp(index: np.ndarray, tau: Floats) -> Floats:
+        def ramp(index: Ints, tau: Floats) -> Floats:
             return np.asarray(self.start[index] + speed[index] * dt * tau)
 
-        def rest(index: np.ndarray, tau: Floats) -> Floats:
+        def rest(index: Ints, tau: Floats) -> Floats:
             return np.broadcast_to(v[index], tau.shape)
 
         return signal.with_values(self.start, lambda: self._panels(signal.order, ramp, rest))
@@ -89,23 +91,23 @@ class _Way(NamedTuple):
         if signal.sampled:
             return signal.with_values(dw, "discrete"), here
 
-        def ramp(index: np.ndarray, tau: Floats) -> Floats:
+        def ramp(index: Ints, tau: Floats) -> Floats:
             return np.asarray(dw[index] + by * self.sign[index] * dt * tau)
 
-        def rest(index: np.ndarray, tau: Floats) -> Floats:
+        def rest(index: Ints, tau: Floats) -> Floats:
             return np.broadcast_to(dv[index], tau.shape)
 
         return signal.with_values(dw, lambda: self._panels(signal.order, ramp, rest)), here
 
-    def _panels(self, order: int, ramp: object, rest: object) -> Panels:
+    def _panels(self, order: int, ramp: Course, rest: Course) -> Panels:
         nodes, every = rule(order).nodes, np.arange(len(self.start))
         tau = np.broadcast_to(nodes[:, None], (order, len(every)))
-        dense = np.where(self.arrives > 0, ramp(every, tau), rest(every, tau))  # type: ignore[operator]
+        dense: Floats = np.where(self.arrives > 0, ramp(every, tau), rest(every, tau))
         k = np.flatnonzero((self.arrives > 0) & (self.arrives < 1))
         if not len(k):
             return Panels(dense)
         a = self.arrives[k]
-        first, second = ramp(k, a * nodes[:, None]), rest(k, a + (1 - a) * nodes[:, None])  # type: ignore[operator]
+        first, second = ramp(k, a * nodes[:, None]), rest(k, a + (1 - a) * nodes[:, None])
         interval, start = np.repeat(k, 2), np.stack([np.zeros(len(k)), a], axis=1).ravel()
         width = np.stack([a, 1 - a], axis=1).ravel()
         values = np.stack([first, second], axis=2).reshape(order, -1)

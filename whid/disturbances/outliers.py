@@ -19,7 +19,7 @@ class Outliers(Disturbance):
     e = b·N(0, 1)/√rate, b = 1 with probability rate, else 0; std is that of all samples together
 
     >>> int(np.count_nonzero(Outliers(std=1.0, rate=0.01).draw(1000, 0.1, np.random.default_rng(0))))
-    14
+    11
     """
 
     rate: Annotated[float, Gt(0), Le(1)] = 0.01

@@ -139,10 +139,14 @@ class Look:
         return np.asarray(np.quantile(every, shares))
 
     @cached_property
-    def _linearised(self) -> tuple[tuple[Floats, ...], Floats]:
+    def _linearised(self) -> tuple[tuple[Floats, ...], Floats, tuple[Floats, ...]]:
         names = [p.name for p in self.system.tree.parameters()]
         pairs = [sensitivities(self.system.tree, record, names, self.path) for record in self.records]
-        return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs])
+        return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs]), tuple(j for _, j in pairs)
+
+    def sensitivity(self, record: int) -> Floats:
+        """Return the derivatives of one record's ŷ with respect to the model's free numbers, (N, p)."""
+        return self._linearised[2][record]
 
     @cached_property
     def basis(self) -> Floats:

@@ -96,5 +96,6 @@ def stacked_errors(look: Look) -> Floats:
 def shaped(look: Look, base: float, share: float, f: tuple[Floats, ...]) -> tuple[Noise, ...]:
     """Return the noises whose σ varies: √(σ₀² + σ₁²·f)."""
     return tuple(
-        replace(noise, std=1.0, shape=np.sqrt(base + share * np.asarray(each))) for noise, each in zip(look.noises, f, strict=True)
+        replace(noise, std=1.0, shape=np.sqrt(base + share * np.asarray(each)))
+        for noise, each in zip(look.noises, f, strict=True)
     )

@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SAMPLES = (0.1, 0.5, 1.5, 4.0, 10.0)
 
 

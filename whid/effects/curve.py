@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 POWERS = ((1,), (2,), (1, 2), (1, 2, 3, 4), (1, 2, 3, 4, 5, 6))  # beyond the first
 
 
@@ -27,7 +26,10 @@ class Curve(Effect):
     Its signature lives in amplitude: the residual against the signal is a smooth curve, the same up and down.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("input", "output",)
+    places: ClassVar[tuple[Place, ...]] = (
+        "input",
+        "output",
+    )
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield bends by the square, by the cube, by both, and by more powers."""

@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SHARES = (0.005, 0.015, 0.04, 0.08, 0.15, 0.25, 0.4)  # of the reach, either side of 0
 
 

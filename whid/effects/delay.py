@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SAMPLES = (0.05, 0.15, 0.35, 0.7, 1.2, 2.0, 3.0, 4.5, 7.0, 12.0)
 
 

@@ -15,7 +15,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 POINTS = (2, 4, 8, 16, 32)
 CYCLES = np.arange(1.5, 10.25, 0.5)  # a record
 

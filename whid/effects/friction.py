@@ -31,5 +31,5 @@ class Friction(Effect):
         for branch, names in ((viscous, ("coefficient",)), (dry, ("force",)), (offset, ("level",))):
             yield sites.along(branch).candidate(*names, amplitude=names)
         both = sites.along(Parallel(parallel=(viscous, dry)))
-        names = ("parallel.0.coefficient", "parallel.1.force")
-        yield both.candidate(*names, amplitude=names)
+        numbers = ("parallel.0.coefficient", "parallel.1.force")
+        yield both.candidate(*numbers, amplitude=numbers)

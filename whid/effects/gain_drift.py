@@ -14,7 +14,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 POINTS = (2, 3, 5, 9)
 
 

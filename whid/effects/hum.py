@@ -15,7 +15,6 @@ from whid.effects._line import strongest
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 HARMONICS = ((1,), (1, 2), (1, 3), (1, 3, 5), (1, 2, 3))
 
 

@@ -29,4 +29,4 @@ class Intersample(Effect):
             return
         for between in ("zoh", "foh", "bandlimited"):
             if between != declared:
-                yield sites.inserted(0, Course(between=between)).candidate()  # type: ignore[arg-type]
+                yield sites.inserted(0, Course(between=between)).candidate()

@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from whid.blocks.jump import Jump as Jump_
 from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
-SHARES = np.arange(1, 24) / 24  # of the samples that lie below
+SHARES = tuple(k / 24 for k in range(1, 24))  # of the samples that lie below
 
 
 @dataclass(frozen=True, kw_only=True)

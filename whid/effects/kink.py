@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from whid.blocks.hinge import Hinge
 from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
-SHARES = np.arange(1, 16) / 16  # of the samples that lie below
+SHARES = tuple(k / 16 for k in range(1, 16))  # of the samples that lie below
 
 
 @dataclass(frozen=True, kw_only=True)

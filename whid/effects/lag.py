@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SAMPLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 
 
@@ -23,7 +22,10 @@ class Lag(Effect):
     Its signature is a phase that grows with frequency, ahead of the curve or behind it; a short one looks like a delay.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("front", "back",)
+    places: ClassVar[tuple[Place, ...]] = (
+        "front",
+        "back",
+    )
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a lag of some samples, and of many."""

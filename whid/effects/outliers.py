@@ -40,10 +40,11 @@ class Outliers(NoiseEffect):
         rate, large, small = float(hit.mean()), float(np.mean(e[hit] ** 2)), float(np.var(e[~hit]))
         one = -0.5 * np.log(np.var(e)) - e**2 / (2 * np.var(e))
         two = np.logaddexp(
-            np.log1p(-rate) - 0.5 * np.log(small) - e**2 / (2 * small), np.log(rate) - 0.5 * np.log(large) - e**2 / (2 * large)
+            np.log1p(-rate) - 0.5 * np.log(small) - e**2 / (2 * small),
+            np.log(rate) - 0.5 * np.log(large) - e**2 / (2 * large),
         )
         block = Wild(std=float(np.sqrt(rate * large)), rate=rate)
-        std = {"rate": float(np.sqrt(rate / len(e))), "std": block.std / np.sqrt(2 * hit.sum())}  # type: ignore[operator]
+        std = {"rate": float(np.sqrt(rate / len(e))), "std": block.std / np.sqrt(2 * hit.sum())}
         numbers = {"rate": rate, "std": float(block.std or 0.0)}
         return Fitted(block, float(np.sum(two - one)), numbers, std, look.noises, 1, tuple(wild))
 

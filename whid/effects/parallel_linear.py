@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SAMPLES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 
 

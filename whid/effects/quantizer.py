@@ -25,8 +25,8 @@ VISIBLE = 0.2  # of σ: a finer step is how the file was written, not what the c
 class Quantizer(NoiseEffect):
     """Values that come in steps: w = step·round(v/step).
 
-    At the input its signature is a residual that looks random but repeats with the input; at the output every value lies on a
-    lattice, which needs no model to be seen.
+    At the input its signature is a residual that looks random but repeats with the input; at the output every value lies on
+    a lattice, which needs no model to be seen.
     """
 
     places: ClassVar[tuple[Place, ...]] = ("input", "output")

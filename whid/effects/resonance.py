@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SAMPLES = (0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 5.0, 7.0, 10.0, 14.0, 20.0, 30.0)  # a radian takes
 
 
@@ -23,7 +22,10 @@ class Resonance(Effect):
     Its signature is a peak in frequency, and ringing after steps.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("front", "back",)
+    places: ClassVar[tuple[Place, ...]] = (
+        "front",
+        "back",
+    )
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield pairs over the band of the record, at two dampings."""

@@ -12,7 +12,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SHARES = (0.01, 0.03, 0.07, 0.12, 0.2, 0.3, 0.4)  # of the range that is cut off at an end
 
 
@@ -23,7 +22,10 @@ class Saturation(Effect):
     Its signature is flat: the residual follows the signal beyond a level, and is nothing within.
     """
 
-    places: ClassVar[tuple[Place, ...]] = ("input", "output",)
+    places: ClassVar[tuple[Place, ...]] = (
+        "input",
+        "output",
+    )
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a clip at the top, at the bottom, at both, of some share of the range."""

@@ -11,7 +11,6 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-
 SHARES = (0.01, 0.03, 0.08, 0.2, 0.5)  # of the range of v
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from whid.diagnostics.answering import answering
 from whid.diagnostics.repeating import repeating
 from whid.effects._look import Look
 from whid.trace._floor import repeats
@@ -55,3 +56,8 @@ def _tests(look: Look) -> Iterator[Test]:
         kind = "odd" if result.share_odd > 0.8 else "even" if result.share_odd < 0.2 else "odd and even"
         where = f"repeats with the excitation, on {kind} harmonics, most at {', '.join(map(str, strongest))}"
         yield Test(f"harmonics of part {k}", result.statistic, result.p, where)
+    for k, (record, error, use) in enumerate(zip(records, look.errors, look.use, strict=True)):
+        signals = {"u": np.asarray(record.u, float), "ŷ": look.predicted[k]}
+        change = np.diff(record.u, prepend=record.u[:1])
+        answer = answering(error, use, signals | {"the change of u": change}, look.sensitivity(k))
+        yield Test(f"answer to the input, {record.name}", answer.statistic, answer.p, f"follows {answer.strongest}")

@@ -29,6 +29,12 @@ from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
+QUIET = 0.01  # p of the gate above which effects of the input are not looked for again
+CERTAIN = ("dropouts", "quantizer")  # seen without a model
+OF_TIME = (
+    "drift", "gain_drift", "offset_step", "gain_step", "hum", "outliers", "dropouts", "quantizer", "jitter",
+    "coloured_noise", "process_noise", "level_noise",
+)  # fmt: skip
 PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
@@ -82,6 +88,11 @@ class _Loop:
                 break
             self.states.append(state)
             self.backward()
+            effects = self.options.every()
+            if (
+                self.states[-1].gate.p > QUIET
+            ):  # nothing answers to the input any more: what is left lives in time, or is noise
+                effects = tuple(e for e in effects if e.place in ("noise", "output", "time") and e.kind in OF_TIME)
         verdict = self.verdict()
         state = self.states[-1] if verdict.verdict in ("explained", "ambiguous") else self.states[0]
         yield self.opened(verdict)
@@ -103,35 +114,43 @@ class _Loop:
     def with_noise(self, look: Look) -> Look:
         """Return the look with each record's noise as its residual shows it."""
         noises = []
-        for error, use in zip(look.errors, look.use, strict=True):
-            ar = autoregression(error, use) if self.coloured else np.empty(0)
+        for error, use, noise in zip(look.errors, look.use, look.noises, strict=True):
+            ar = autoregression(error, use) if self.coloured or noise.ar else np.empty(0)
             white = whitened(np.where(use, error, 0.0)[:, None], use, ar)[:, 0]
-            noises.append(Noise(max(rms(white[use]), 1e-300), tuple(ar)))
+            shape = np.ones(len(use)) if noise.shape is None else noise.shape
+            noises.append(Noise(max(rms(white[use] / shape[use]), 1e-300), tuple(ar), noise.shape))
         return replace(look, noises=tuple(noises), _signals={})
 
     def round(self, effects: Sequence[Effect]) -> tuple[Ranking, _State | None]:
         """Screen everything, refit the best few, and say which is to be added."""
         here = self.states[-1]
         look = here.look
+        dirty = here.gate.p < here.gate.threshold
         ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: -s[0].gain)
         fits: list[Refit] = []
         for starts in ranked:
-            best = max((f.gain for f in fits), default=0.0)
-            if len(fits) == FINALISTS or starts[0].gain < max(PROMISING, BEHIND * best):
+            first = starts[0]
+            if first.told is not None and dirty and first.effect.kind not in CERTAIN:
+                continue  # what answers to the input is no noise
+            best = max(fits, key=lambda f: f.gain, default=None)
+            if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
                 break
-            t0=time.process_time()
-            found = refit(look, starts[:STARTS])
-            print("   refit", starts[0].effect.name, round(starts[0].gain,1), None if found is None else round(found.gain,1), round(time.process_time()-t0,2), None if found is None else (found.estimate.iterations, found.estimate.why_stop))
+            found = refit(look, starts[: 1 if best and self.clean(best) else STARTS])
             if found is not None:
-                fits.append(self.ranked_by_selection(look, found))
+                fits.append(found if found.told else self.ranked_by_selection(look, found))
         good = sorted((f for f in fits if not self.vetoed(f)), key=lambda f: -f.gain)
         taken = good[0] if good and good[0].gain > NEEDED else None
         ranking = _ranking(ranked, fits, [f.effect.name for f in fits if self.vetoed(f)], taken, good)
         if taken is None:
             return ranking, None
         rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS)
-        after = taken.look if self.floor.dof else self.with_noise(taken.look)
+        after = taken.look if self.floor.dof or taken.told else self.with_noise(taken.look)
         return ranking, _State(after, taken.estimate, gate(after), taken, rivals)
+
+    def clean(self, found: Refit) -> bool:
+        """Tell whether a refit leaves nothing that answers to the input."""
+        tested = gate(found.look)
+        return tested.p >= tested.threshold
 
     def ranked_by_selection(self, before: Look, found: Refit) -> Refit:
         """Return the refit with its gain on selection data and that gain's standard error."""
@@ -158,8 +177,12 @@ class _Loop:
         if len(self.states) < 3:
             return
         last = self.states[-1].added
-        assert last is not None
+        if last is None or last.told is not None:
+            return
         for k in range(len(self.states) - 2, 0, -1):
+            added = self.states[k].added
+            if added is None or added.told is not None:
+                continue
             before = self.states[k - 1].look
             starts = last.effect.screen(before)
             alone = refit(before, starts[:STARTS]) if starts else None
@@ -243,6 +266,8 @@ class _Loop:
 
 
 def _found(added: Refit) -> Found:
+    if added.told is not None:
+        return Found(added.effect.kind, added.effect.place, added.told.numbers, added.told.std)
     values = added.candidate.values
     std = dict(zip(added.estimate.names, added.estimate.std.tolist(), strict=True))
     short = {

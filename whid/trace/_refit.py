@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from whid.effects._candidate import Candidate
-from whid.effects._effect import Effect, Screened
+from whid.effects._effect import Effect, Screened, Told
 from whid.effects._look import Look
 from whid.errors import WhidError
 from whid.fit import Estimate
@@ -29,6 +30,7 @@ class Refit(NamedTuple):
     gain: float  # nats over the model without it, penalties paid
     selection: float = 0.0  # nats gained on the selection data
     selection_std: float = 0.0
+    told: Told | None = None
 
 
 def refit(look: Look, starts: Sequence[Screened], iterations: int = 25) -> Refit | None:
@@ -51,6 +53,8 @@ def fitted(look: Look, iterations: int = 40) -> tuple[Look, Estimate]:
 
 def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
     candidate = start.candidate
+    if start.told is not None:
+        return _noisier(look, start, start.told, iterations)
     try:
         if candidate.rough:
             candidate = polished(look, candidate)
@@ -63,6 +67,18 @@ def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
     chi2 = error2(after)
     reached = candidate._replace(system=after.system)
     return Refit(start.effect, reached, after, estimate, chi2, gain_over(look, chi2, reached))
+
+
+def _noisier(look: Look, start: Screened, told: Told, iterations: int) -> Refit | None:
+    """Return the model with a noise described, fitted again under it; samples that the noise spoiled leave the fit."""
+    hidden = told.hidden or tuple(np.zeros(len(r), bool) for r in look.records)
+    records = tuple(replace(r, valid=r.mask & ~h) for r, h in zip(look.records, hidden, strict=True))
+    described = replace(look, records=records, noises=told.noises).moved(start.candidate.system, start.candidate.core)
+    try:
+        after, estimate = fitted(described, iterations)
+    except (WhidError, ValueError, np.linalg.LinAlgError):
+        return None
+    return Refit(start.effect, start.candidate, after, estimate, error2(after), start.gain, told=told)
 
 
 def gain_over(before: Look, chi2: float, candidate: Candidate) -> float:
@@ -107,4 +123,3 @@ def _cost(look: Look, candidate: Candidate) -> float:
     ]
     left = look.rest(look.rows(errors))[:, 0]
     return float(left @ left)
-
