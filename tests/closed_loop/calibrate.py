@@ -60,11 +60,12 @@ class Calibration:
         return tuple(EFFECTS) if self.effects == "all" else tuple(self.effects)
 
     def cells(self) -> list[Cell]:
-        """Return every cell, in an order whose beginning is a balanced sample of the whole."""
+        """Return every cell, in an order whose beginning is a fair sample of the whole."""
         rows: list[tuple[float, Cell]] = []
 
         def spread(cells: list[Cell]) -> None:
-            rows.extend(((k + 0.5) / len(cells), cell) for k, cell in enumerate(cells))
+            order = np.random.default_rng(self.seed).permutation(len(cells))
+            rows.extend(((place + 0.5) / len(cells), cells[k]) for place, k in enumerate(order))
 
         catalogue, outside = [*EFFECTS], [*OUTSIDE]
         spread([Cell("control", (), 0.0, self.seed + 7 * k, k % 2 == 1) for k in range(self.controls)])
