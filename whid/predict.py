@@ -98,7 +98,7 @@ def input_signal(tree: Block, record: Record, path: str = "exact") -> Signal:
     return held(record.u, record.dt, between, record.t0, tree.panel_order(record.dt))
 
 
-def chunks(samples: int, tree: Block | None = None) -> Iterator[slice]:
+def chunks(samples: int, tree: Block | None = None, size: int = CHUNK) -> Iterator[slice]:
     """Yield slices that cover a record: one, where a block of the tree looks ahead."""
-    size = max(samples, 1) if tree is not None and tree.looks_ahead() else CHUNK
+    size = max(samples, 1) if tree is not None and tree.looks_ahead() else size
     return (slice(start, min(start + size, samples)) for start in range(0, samples, size))

@@ -11,7 +11,7 @@ splits for all (see `blocks/_stack.py`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -119,7 +119,7 @@ class Signal:
         """Return a stretch of the signal, its course between samples included."""
         first, last, _ = part.indices(self.samples)
         between: Between = self.between if not callable(self.between) else lambda: cut(self.panels, first, last)
-        return replace(self, values=self.values[..., first:last], t0=self.t0 + first * self.dt, between=between)
+        return Signal(self.values[..., first:last], self.dt, self.t0 + first * self.dt, between, self.order)
 
 
 def cut(panels: Panels, first: int, last: int) -> Panels:

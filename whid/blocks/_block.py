@@ -108,10 +108,7 @@ class Block(Kind):
 
     def with_parameters(self, values: dict[str, float]) -> Self:
         """Return the block with some free scalars changed, each named by its path as in `parameters`."""
-        changes: dict[str, Any] = {}
-        for name, value in values.items():
-            head, _, rest = name.partition(".")
-            changes[head] = _set(changes.get(head, getattr(self, head)), rest.split(".") if rest else [], value)
+        changes: dict[str, Any] = {head: _changed(getattr(self, head), inner) for head, inner in _by_head(values).items()}
         return dataclasses.replace(self, **changes)
 
     def _free_fields(self) -> Iterator[tuple[str, float, Free]]:
@@ -128,13 +125,22 @@ class Block(Kind):
                 yield from ((f"{field.name}.{i}", item) for i, item in enumerate(value) if isinstance(item, Block))
 
 
-def _set(value: Any, path: list[str], number: float) -> Any:
+def _by_head(values: dict[str, float]) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        head, _, rest = name.partition(".")
+        found.setdefault(head, {})[rest] = value
+    return found
+
+
+def _changed(value: Any, numbers: dict[str, float]) -> Any:
     if isinstance(value, Block):
-        return value.with_parameters({".".join(path): number})
-    if not path:
-        return number
+        return value.with_parameters(numbers)
+    if "" in numbers:
+        return numbers[""]
     items = list(value)
-    items[int(path[0])] = _set(items[int(path[0])], path[1:], number)
+    for place, inner in _by_head(numbers).items():
+        items[int(place)] = _changed(items[int(place)], inner)
     return tuple(items)
 
 

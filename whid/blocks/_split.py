@@ -178,53 +178,82 @@ def _near(values: Floats, breaks: Floats) -> Bools:
     margin = 0.5 * (high - low)
     low, high = low - margin, high + margin
     if len(breaks) > 16:
-        return np.asarray(np.searchsorted(breaks, low) != np.searchsorted(breaks, high, side="right"))
+        return np.asarray(high >= np.append(breaks, np.inf)[np.searchsorted(breaks, low)])
     hit = np.zeros(values.shape[1], bool)  # for a handful, a comparison a break is ten times faster
     for b in breaks:
         hit |= (low <= b) & (high >= b)
     return hit
 
 
+class _Stretches(NamedTuple):
+    """Parts of panels on which the course is monotone, and how many breakpoints lie below either end."""
+
+    panel: Ints
+    low: Floats  # where it begins, τ
+    high: Floats
+    before: Ints
+    after: Ints
+
+
 def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Floats]:
     """Return (panel, τ, breakpoint, |dv/dτ|) of every crossing.
 
-    Every panel is cut into stretches on which it is monotone, a fine grid and its turning points, so that no graze is
-    missed; a stretch whose ends lie on different sides of a breakpoint crosses it once.
+    A stretch on which a panel is monotone and whose ends lie on different sides of a breakpoint crosses it once. Most panels
+    are one stretch: the mean of their slope outweighs its change.
     """
     q = len(parts.values)
     course = np.asarray(rule(q).to_legendre @ parts.values)
     slope = np.asarray(2 * legendre.legder(course, axis=0), np.float64)
-    grid = np.linspace(0.0, 1.0, 3 * q + 1)
-    fine = _continued(np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course), parts)
-    moving = np.ptp(fine, axis=0) > 1e-13 * np.abs(fine).max(initial=0.0)  # a level that sits on a breakpoint only rounds
-    count = np.searchsorted(breaks, fine, side="right")
-    cell, panel, turn = turning(slope, grid)
-    peak = np.searchsorted(breaks, _evaluate(course[:, panel], turn), side="right")
-    straight = count[1:] != count[:-1]
-    straight[cell, panel] = False
-    c, p = np.nonzero(straight)
-    owner = np.concatenate([p, panel, panel])
-    low, high = np.concatenate([grid[c], grid[cell], turn]), np.concatenate([grid[c + 1], turn, grid[cell + 1]])
-    before = np.concatenate([count[c, p], count[cell, panel], peak])
-    after = np.concatenate([count[c + 1, p], peak, count[cell + 1, panel]])
-    times = np.abs(after - before) * moving[owner]
-    stretch = np.repeat(np.arange(len(owner)), times)
+    size = np.abs(parts.values).max(initial=0.0)
+    ends = _continued(rule(q).ends @ parts.values, parts, size)
+    straight = np.abs(slope[0]) > np.abs(slope[1:]).sum(axis=0)
+    moving = np.abs(ends[1] - ends[0]) > 1e-13 * size  # a level that sits on a breakpoint only rounds
+    whole = np.flatnonzero(straight & moving)
+    before, after = np.searchsorted(breaks, ends[:, whole], side="right")
+    one = _Stretches(whole, np.zeros(len(whole)), np.ones(len(whole)), before, after)
+    bent = _bent(np.flatnonzero(~straight), course, slope, ends, breaks, size)
+    panel, low, high, before, after = (np.concatenate(pair) for pair in zip(one, bent, strict=True))
+    times = np.abs(after - before)
+    stretch = np.repeat(np.arange(len(panel)), times)
     nth = np.arange(len(stretch)) - np.repeat(np.cumsum(times) - times, times)
     which = np.minimum(before, after)[stretch] + nth
-    owner, rising = owner[stretch], (after > before)[stretch]
+    owner, rising = panel[stretch], (after > before)[stretch]
     tau = inverse(course[:, owner], slope[:, owner], breaks[which], low[stretch], high[stretch], rising)
     return owner, tau, which, np.abs(_evaluate(slope[:, owner], tau))
 
 
-def _continued(fine: Floats, parts: Splits) -> Floats:
+def _bent(mine: Ints, course: Floats, slope: Floats, ends: Floats, breaks: Floats, size: float) -> _Stretches:
+    """Return the stretches of panels that may turn round: cut by a grid and where they turn: no graze is missed."""
+    q = len(course)
+    grid = np.linspace(0.0, 1.0, 3 * q + 1)
+    fine = np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course[:, mine])
+    fine[0], fine[-1] = ends[:, mine]
+    moving = np.ptp(fine, axis=0) > 1e-13 * size
+    mine, fine = mine[moving], fine[:, moving]
+    count = np.searchsorted(breaks, fine, side="right")
+    cell, panel, turn = turning(slope[:, mine], grid)
+    peak = np.searchsorted(breaks, _evaluate(course[:, mine[panel]], turn), side="right")
+    straight = count[1:] != count[:-1]
+    straight[cell, panel] = False
+    c, p = np.nonzero(straight)
+    return _Stretches(
+        mine[np.concatenate([p, panel, panel])],
+        np.concatenate([grid[c], grid[cell], turn]),
+        np.concatenate([grid[c + 1], turn, grid[cell + 1]]),
+        np.concatenate([count[c, p], count[cell, panel], peak]),
+        np.concatenate([count[c + 1, p], peak, count[cell + 1, panel]]),
+    )
+
+
+def _continued(ends: Floats, parts: Splits, size: float) -> Floats:
     """Make a panel end on the very number the next one starts with, where only rounding parts them.
 
     A crossing at a sample is then found once, not twice or never.
     """
     joined = np.abs(parts.interval[:-1] + parts.start[:-1] + parts.width[:-1] - parts.interval[1:] - parts.start[1:]) < 1e-9
-    joined &= np.abs(fine[-1, :-1] - fine[0, 1:]) <= 1e-12 * np.abs(fine).max(initial=0.0)
-    fine[-1, :-1][joined] = fine[0, 1:][joined]
-    return fine
+    joined &= np.abs(ends[1, :-1] - ends[0, 1:]) <= 1e-12 * size
+    ends[1, :-1][joined] = ends[0, 1:][joined]
+    return ends
 
 
 def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
@@ -240,6 +269,7 @@ def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
 def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
     tau = (low + high) / 2
+    low, high = low.copy(), high.copy()
     open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
     target = np.broadcast_to(target, tau.shape)
     for _ in range(60):

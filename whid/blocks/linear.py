@@ -113,6 +113,10 @@ class Linear(Block):
         num, den = self.transfer_function()
         return _canonical(num, den)
 
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Return the poles, rad/s, or in z for a discrete block."""
+        return _eigenvalues(self)
+
     def gain_at(self, omega: Floats) -> NDArray[np.complex128]:
         """Return G(jω), or G(e^{jω·dt}) for a discrete block; omega in rad/s, any shape."""
         s = 1j * np.asarray(omega) if self.dt is None else np.exp(1j * np.asarray(omega) * self.dt)
@@ -128,8 +132,7 @@ class Linear(Block):
         """Return the nodes an interval needs so that three times the fastest pole is resolved to 1e-10."""
         if self.dt is not None:
             return 4
-        a = self.state_space().a
-        fastest = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) * dt
+        fastest = float(np.abs(_eigenvalues(self)).max(initial=0.0)) * dt
         return next((q for limit, q in ((0.1, 4), (0.5, 6), (1.5, 8), (4.0, 12), (12.0, 24)) if fastest <= limit), 40)
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
@@ -167,6 +170,11 @@ def _canonical(num: NDArray[Any], den: NDArray[Any]) -> StateSpace:
     if n:
         a[0] = -den[1:]
     return StateSpace(a, np.eye(1, n)[0].astype(a.dtype), num[1:] - num[0] * den[1:], num[0])
+
+
+@lru_cache(maxsize=512)
+def _eigenvalues(block: Linear) -> NDArray[np.complex128]:
+    return np.asarray(np.linalg.eigvals(block.state_space().a), complex)
 
 
 @lru_cache(maxsize=512)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from whid.blocks._block import STEADY, Block
+from whid.blocks._stack import stacked
 from whid.fit import Estimate
 from whid.predict import chunks, input_signal
 from whid.record import Record
@@ -24,6 +25,6 @@ def band(tree: Block, record: Record, estimate: Estimate, path: str = "exact") -
     out = np.empty(len(record))
     for part in chunks(len(record), tree):
         _, tangents, state = tree.tangent(u[part], [], [estimate.names[k] for k in keep], state)
-        j = np.array([t.values for t in tangents]).reshape(len(keep), -1)
-        out[part] = np.sqrt(np.maximum(np.einsum("in,ij,jn->n", j, covariance, j), 0.0))
+        j = stacked(tangents).values if keep else np.zeros((0, part.stop - part.start))
+        out[part] = np.sqrt(np.maximum(np.sum(j * (covariance @ j), axis=0), 0.0))
     return out

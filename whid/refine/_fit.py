@@ -21,6 +21,7 @@ from whid.system import System
 Watch = Callable[[int, float], None]  # iteration, χ² per sample in units of the noise assumed
 ROUNDS = 8  # of noise model and fit
 CLOSE = 1e-3  # standard errors: the fit is finished
+IDLE_GAIN = 1e-2  # of χ²: steps that gain less, a tenth of a standard error at most, or cannot be made to, end it as well
 
 
 def refine(
@@ -76,7 +77,7 @@ def refine(
         samples = sum(d.samples for d in data)
         fit = minimise(
             problem.cost, problem.linearise, _started(problem, theta), known=std is not None,
-            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=CLOSE, watch=_told(watch, samples),
+            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=IDLE_GAIN, watch=_told(watch, samples),
         )  # fmt: skip
         moved = np.abs(fit.values - theta) / np.where(np.isfinite(fit.std) & (fit.std > 0), fit.std, np.inf)
         theta = fit.values

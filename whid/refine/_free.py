@@ -72,13 +72,33 @@ class FreeNumbers:
         """Return the names of `all`."""
         return tuple(p.name for p in self.all)
 
+    @cached_property
+    def plain(self) -> bool:
+        """Tell whether θ is all that moves: no ties, no kinks."""
+        return self.names == tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def _start(self) -> dict[str, float]:
+        return {p.name: p.value for p in self.tree.parameters(held=True)}
+
+    @cached_property
+    def _latest(self) -> dict[bytes, Block]:
+        return {}
+
     def at(self, theta: Floats) -> Block:
         """Return the tree at θ."""
-        return self.tree.with_parameters(dict(zip(self.names, self.expanded(theta)[0].tolist(), strict=True)))
+        key = theta.tobytes()
+        if key not in self._latest:  # a step is tried, then linearised
+            self._latest.clear()
+            values = dict(zip(self.names, self.expanded(theta)[0].tolist(), strict=True))
+            self._latest[key] = self.tree.with_parameters(values)
+        return self._latest[key]
 
     def expanded(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return all numbers (n,) and their derivative with respect to θ (n, p)."""
-        values = {p.name: p.value for p in self.tree.parameters(held=True)}
+        if self.plain:
+            return theta, np.eye(len(theta))
+        values = dict(self._start)
         own = [p.name for p in self.parameters]
         rows: dict[str, Floats] = dict(zip(own, np.eye(len(own)), strict=True))
         values |= dict(zip(own, theta.tolist(), strict=True))

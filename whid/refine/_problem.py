@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block, State
-from whid.blocks._stack import stacked
+from whid.blocks._stack import Bundle, stacked
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.fit import Parameter, Triangle
-from whid.predict import chunks, input_signal
+from whid.predict import CHUNK, chunks, input_signal
 from whid.record import Record
 from whid.refine._free import FreeNumbers, walk
 from whid.signal import Floats, Signal, joined
@@ -23,6 +23,7 @@ from whid.stages._whiten import whitened
 
 Bools = NDArray[np.bool_]
 FASTEST = 100.0  # of a pole, per sample: beyond, a block passes its input on, and the exact path gets slow
+LEAST = 16384  # samples of a chunk of tangents: many tangents in short chunks stay in the cache, too
 MOST_STATES = 8  # unknown levels of the past of one record, at most
 
 
@@ -46,6 +47,16 @@ class Data:
     periods: int = 1
     scatter: float = 0.0
 
+    @cached_property
+    def _inputs(self) -> dict[tuple[str, int], Signal]:
+        """Return the input with its course, which need not be made again for every model."""
+        return {}
+
+    @cached_property
+    def last(self) -> int:
+        """Return where the samples that count end: nothing behind needs simulating."""
+        return int(np.flatnonzero(self.use)[-1]) + 1
+
     @classmethod
     def of(cls, record: Record, tree: Block) -> Data:
         """Return the estimation samples of a record."""
@@ -54,7 +65,10 @@ class Data:
 
     def input(self, tree: Block, path: str, past: Floats) -> Signal:
         """Return the input, what stands for its past in front of it."""
-        u = input_signal(tree, self.record, path)
+        key = (path, tree.panel_order(self.record.dt))
+        if key not in self._inputs:
+            self._inputs[key] = input_signal(tree, self.record, path)
+        u = self._inputs[key]
         return u if not self.past else joined(self._before(u, np.repeat(past, self.past)), u)
 
     def seeds(self, u: Signal) -> list[Signal]:
@@ -114,14 +128,12 @@ def memory(tree: Block, dt: float, most: int) -> float:
 
 
 def _poles(tree: Block) -> list[tuple[NDArray[np.complex128], bool]]:
-    blocks = [block for _, block in walk(tree) if isinstance(block, Linear)]
-    return [(np.asarray(np.roots(b.transfer_function()[1]), complex), b.dt is not None) for b in blocks]
+    return [(b.eigenvalues(), b.dt is not None) for _, b in walk(tree) if isinstance(b, Linear)]
 
 
 def fastest(tree: Block, dt: float) -> float:
     """Return the largest |pole|·dt of the continuous linear blocks."""
-    blocks = [b for _, b in walk(tree) if isinstance(b, Linear) and b.dt is None]
-    return max([0.0, *(float(np.abs(np.roots(b.transfer_function()[1])).max(initial=0.0)) * dt for b in blocks)])
+    return max([0.0, *(float(np.abs(p).max(initial=0.0)) * dt for p, discrete in _poles(tree) if not discrete)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,41 +205,43 @@ class Problem:
     ) -> Iterator[Floats]:
         """Yield rows [∂ŷ/∂θ | ŷ − y], or [ŷ − y] alone where `levels` is None, in time order."""
         u = d.input(tree, self.path, past)
-        state, seeds = d.start(tree, u), d.seeds(u) if levels else []
-        for part in chunks(len(u.values), tree):
+        u = u if tree.looks_ahead() else u[: d.lead + d.last]
+        state, seeds = d.start(tree, u), stacked(d.seeds(u)) if levels and d.lead else None
+        own = len(self.free.parameters)
+        for part in chunks(u.samples, tree, CHUNK if levels is None else max(CHUNK // max(size, 1), LEAST)):
             keep = max(d.lead - part.start, 0)
+            rows = np.zeros((1 if levels is None else size + 1, max(part.stop - part.start - keep, 0)))
             if levels is None:
                 out, state = tree.step(u[part], state)
-                rows = np.empty((len(out.values) - keep, 1)) if keep < len(out.values) else np.empty((0, 1))
             else:
-                out, tangents, state = tree.tangent(u[part], [seed[part] for seed in seeds], self.free.names, state)
-                along = stacked(tangents).values if len(tangents) else np.empty((0, len(out.values)))
-                rows = np.zeros((max(len(out.values) - keep, 0), size + 1))
-                rows[:, : len(self.free.parameters)] = along[len(seeds) :, keep:].T @ change
-                rows[:, levels] = along[: len(seeds), keep:].T
+                before = [] if seeds is None else Bundle(seeds[part])
+                out, tangents, state = tree.tangent(u[part], before, self.free.names, state)
+                along = stacked(tangents).values[:, keep:] if len(tangents) else np.empty((0, rows.shape[1]))
+                rows[:own] = along[len(before) :] if self.free.plain else change.T @ along[len(before) :]
+                rows[levels] = along[: len(before)]
             at = slice(part.start + keep - d.lead, part.stop - d.lead)
-            if len(rows):
-                rows[:, -1] = out.values[keep:] - np.where(d.use[at], d.record.y[at], 0.0)
-                yield rows
+            if rows.shape[1]:
+                rows[-1] = out.values[keep:] - np.where(d.use[at], d.record.y[at], 0.0)
+                yield rows.T
 
 
 def _weighted(d: Data, chunked: Iterator[Floats]) -> Iterator[Floats]:
     """Yield the rows that count, whitened across chunks, over the noise's standard deviation."""
-    p, start = len(d.ar), 0
+    p, start, scale = len(d.ar), 0, np.sqrt(d.periods) / d.std
     before, known = np.empty((0, 0)), np.empty(0, bool)
     for rows in chunked:
-        use = d.use[start : start + len(rows)]
+        here = slice(start, start + len(rows))
+        use, start = d.use[here], here.stop
+        white = rows
         if p:
             joint = np.vstack([before, rows]) if before.size else rows
             valid = np.append(known, use)
             white = whitened(joint, valid, d.ar)[len(known) :]
             before, known = joint[-p:], valid[-p:]
-        else:
-            white = rows
-        factor = np.full(len(rows), np.sqrt(d.periods) / d.std)
-        factor = factor if d.weight is None else factor * d.weight[start : start + len(rows)]
-        start += len(rows)
-        yield white[use] * factor[use, None]
+        if d.weight is not None:
+            white = white * d.weight[here, None]
+        white = white if use.all() else white.T[:, use].T
+        yield white if scale == 1 else scale * white
 
 
 def data_of(records: Sequence[Record], tree: Block, std: Sequence[float] | None = None) -> tuple[Data, ...]:
