@@ -263,6 +263,12 @@ CATALOGUE: dict[str, Explanation] = {
         "Write its path in the tree, such as `chain.0.den.1`; lists count from 0.",
         CONFIG,
     ),
+    "fit-start": Explanation(
+        "The model cannot be simulated at its start values: its output is not a finite number.",
+        "Give start values that are stable (poles left of the axis; in the unit circle if discrete), and check that"
+        " the record's input has no holes.",
+        CONFIG,
+    ),
     "method-no-data": Explanation(
         "No sample of any record may be used for estimation.",
         "Give a part, or a record, `use: estimation` (it is the default).",

@@ -51,6 +51,12 @@ class Estimate(NamedTuple):
     why_stop: WhyStop
 
     @property
+    def correlation(self) -> Floats:
+        """Return the correlations (p, p), NaN where a number is not determined."""
+        size = np.where(np.isfinite(self.std) & (self.std > 0), self.std, np.nan)
+        return np.asarray(self.covariance / np.outer(size, size))
+
+    @property
     def reduced_chi2(self) -> float:
         """Return χ²/dof, NaN without degrees of freedom."""
         return self.chi2 / self.dof if self.dof > 0 else float("nan")
@@ -209,12 +215,14 @@ def minimise(
     max_iterations: int = 100,
     tolerance: float = 1e-8,
     idle_gain: float = 0.0,
+    floor: float = 0.0,
     watch: Callable[[int, float, Floats], None] | None = None,
 ) -> Estimate:
     """Minimise a sum of squares that is seen only reduced: its value and its `Triangle` at θ (see `least_squares`).
 
     known: the residuals are in units of their standard deviation; else the covariance is scaled by χ²/dof. idle_gain: a few
-    steps in a row that each lower χ² by less (in units of the noise) end the fit.
+    steps in a row that each lower χ² by less (in units of the noise) end the fit, as does a step that fails where no more is
+    to be gained. floor: χ² of rounding; there is nothing to gain below.
     """
     lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
     theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
@@ -231,7 +239,7 @@ def minimise(
             step = np.zeros_like(theta)
             variance = 1.0 if known else here.chi2 / max(here.samples - len(theta), 1)
             gain = _gain(active.r / scale, active.projected)
-            if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2):
+            if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2, floor):
                 step[free] = _solve(active.r / scale, -active.projected)[0] / scale
                 theta, why = np.clip(theta + step, lower, upper), "converged"
                 break
@@ -307,7 +315,9 @@ def _estimate(
 ) -> Estimate:  # fmt: skip
     dof = m - rank
     if unknown:
-        covariance = covariance * (chi2 / dof if dof > 0 else np.inf)
+        covariance = covariance * (chi2 / dof) if dof > 0 else np.full_like(covariance, np.nan)
+    if unknown and dof <= 0:  # nothing is left over to tell the noise from
+        return Estimate(names, values, np.full(len(values), np.inf), covariance, rank, null, chi2, dof, iterations, why)
     undetermined = np.abs(null).max(axis=0, initial=0.0) > 1e-6
     std = np.where(undetermined, np.inf, np.sqrt(np.diag(covariance)))
     return Estimate(names, values, std, covariance, rank, null, chi2, dof, iterations, why)

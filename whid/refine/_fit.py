@@ -50,7 +50,7 @@ def refine(
     lead periods are left out): the same answer, far cheaper. `initial: free`: the levels of an unknown past are nuisance
     numbers.
     `watch(iteration, χ²/N)` follows; Ctrl-C keeps the best so far, `estimate.why_stop` says so.
-    Raises `WhidError("fit-no-data")`, `WhidError("fit-parameter")`. Source [PAPERS A, build 6].
+    Raises `WhidError("fit-no-data")`, `"fit-parameter"`, `"fit-start"`. Source [PAPERS A, build 6].
 
     >>> from dataclasses import replace
     >>> from whid.blocks.linear import Linear
@@ -77,7 +77,8 @@ def refine(
         samples = sum(d.samples for d in data)
         fit = minimise(
             problem.cost, problem.linearise, _started(problem, theta), known=std is not None,
-            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=IDLE_GAIN, watch=_told(watch, samples),
+            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=IDLE_GAIN, floor=problem.rounding,
+            watch=_told(watch, samples),
         )  # fmt: skip
         moved = np.abs(fit.values - theta) / np.where(np.isfinite(fit.std) & (fit.std > 0), fit.std, np.inf)
         theta = fit.values

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from whid.blocks._block import Block
+from whid.errors import WhidError
 from whid.fit import Triangle
 from whid.refine._free import FreeNumbers
 from whid.refine._problem import Data, Problem
@@ -18,13 +19,26 @@ def gauged(free: FreeNumbers, data: tuple[Data, ...], path: str) -> tuple[Proble
     """Return the problem without directions that have no effect, and what was held for them."""
     problem = Problem(free, data, path)
     names = [p.name for p in problem.parameters]
-    triangle = problem.linearise(problem.start)
+    triangle = started(problem)
     found = [(names[j], d) for j, d in dependent(triangle, last_to_hold(free.tree, names)) if names[j] in set(free.names)]
     if not found:
         return problem, ()
     words = tuple(f"{said(free.tree, names, triangle, name, direction)}: {name} is held" for name, direction in found)
     held = (*free.held, *(name for name, _ in found))
-    return Problem(replace(free, held=held), data, path), words
+    fewer = Problem(replace(free, held=held), data, path)
+    keep = np.array([name not in held for name in names])
+    fewer.latest[fewer.start.tobytes()] = triangle.columns(keep)
+    return fewer, words
+
+
+def started(problem: Problem) -> Triangle:
+    """Return the linearisation at the start; raise `WhidError("fit-start")` where there is none."""
+    with np.errstate(all="ignore"):
+        triangle = problem.linearise(problem.start)
+        size = triangle.chi2 + float(np.sum(triangle.r**2))
+    if not np.isfinite(size):
+        raise WhidError("fit-start", "the model's output is not finite at the start values")
+    return triangle
 
 
 def said(tree: Block, names: list[str], triangle: Triangle, name: str, direction: Floats) -> str:

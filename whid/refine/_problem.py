@@ -172,8 +172,23 @@ class Problem:
 
     def linearise(self, theta: Floats) -> Triangle:
         """Return χ² to second order about θ, by the tangents of the simulation."""
-        found = Triangle.stacked(self._rows(theta, tangents=True))
-        return found._replace(rest=found.rest + self._scatter, samples=sum(d.samples for d in self.data))
+        key = theta.tobytes()
+        if key not in self.latest:
+            self.latest.clear()
+            found = Triangle.stacked(self._rows(theta, tangents=True))
+            count = sum(d.samples for d in self.data)
+            self.latest[key] = found._replace(rest=found.rest + self._scatter, samples=count)
+        return self.latest[key]
+
+    @cached_property
+    def latest(self) -> dict[bytes, Triangle]:
+        """Return the last linearisation, by θ."""
+        return {}
+
+    @property
+    def rounding(self) -> float:
+        """Return the χ² that rounding leaves."""
+        return sum(float(np.sum((1e-14 * d.record.y[d.use] / d.std) ** 2)) * d.periods for d in self.data)
 
     @property
     def _scatter(self) -> float:
@@ -252,4 +267,9 @@ def data_of(records: Sequence[Record], tree: Block, std: Sequence[float] | None 
     found = tuple(d for d in found if d.use.any())
     if not found:
         raise WhidError("fit-no-data", "no record has samples for estimation")
+    for d in found:
+        gone = ~np.isfinite(d.record.u[: d.last])
+        if gone.any():
+            where = f"record {d.record.name!r}, sample {int(np.flatnonzero(gone)[0])}"
+            raise WhidError("fit-start", f"the input is no number at {int(gone.sum())} samples", where)
     return found
