@@ -22,7 +22,8 @@ from whid.refine import refine
 from whid.simulate import simulate
 from whid.system import System
 
-FIRST_SEED = 9000  # set before the first run of these tests
+FIRST_SEED = 9000  # set before the first run of these tests; they served development
+REPORTED = 12_000  # the bars' own counts are on these, which nothing was looked at on
 TRUE = replace(
     PLANT, chain=(Linear(num=(1.0,), den=(25.0, 12.5, 1.0)), PLANT.chain[1], Linear(num=(1.0,), den=(10.0, 7.0, 1.0)))
 )
@@ -59,9 +60,9 @@ def crb():
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
 
 
-def check_a7(count):
+def check_a7(count, first=FIRST_SEED):
     errors, seconds, failed = [], [], []
-    for seed in range(FIRST_SEED, FIRST_SEED + count):
+    for seed in range(first, first + count):
         model, data = staged(seed), record(seed)
         f = model.system.chain[1]
         if [len(p) for p in f.pieces] != [1, 2, 1, 3, 2]:  # A3's business: start from the right structure
@@ -85,9 +86,9 @@ def check_a7(count):
     assert np.median(seconds) <= 3.0
 
 
-def check_a9(count):
+def check_a9(count, first=FIRST_SEED):
     wrong = []
-    for seed in range(FIRST_SEED, FIRST_SEED + count):
+    for seed in range(first, first + count):
         *_, stage, model = WienerHammerstein()([record(seed)])
         e = model.estimate
         z = np.array([(e.value(name) - TRUTH[name]) / e.std[e.names.index(name)] for name in NAMES])
@@ -110,12 +111,12 @@ def test_a9_reduced():
 
 @pytest.mark.slow
 def test_a7():
-    check_a7(300)
+    check_a7(300, REPORTED)
 
 
 @pytest.mark.slow
 def test_a9():
-    check_a9(120)
+    check_a9(120, REPORTED)
 
 
 def test_levels_read_a_small_jump_as_a_kink_and_the_record_knows_better():

@@ -20,6 +20,7 @@ from whid.stages._whiten import whitened
 from whid.system import System
 
 Bools = NDArray[np.bool_]
+ROUNDING = 1e-9  # of a column: what is left of one that the model's numbers absorb whole
 RANK = 1e-8  # of the largest singular value of the sensitivities, columns of unit length
 
 
@@ -95,7 +96,9 @@ class Look:
     def rest(self, rows: Floats) -> Floats:
         """Return rows without what changes of the model's free numbers could make, to first order."""
         q = self.basis
-        return np.asarray(rows - q @ (q.T @ rows))
+        left = np.asarray(rows - q @ (q.T @ rows))
+        left[:, np.linalg.norm(left, axis=0) <= ROUNDING * np.linalg.norm(rows, axis=0)] = 0.0
+        return left
 
     def simulate(self, system: System) -> tuple[Floats, ...] | None:
         """Return the response of another system to every record's input, None where it has none."""
