@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from whid import engine, flow
+from whid import engine, flow, plots
 from whid.config.load import load_study, load_variants, resolved
 from whid.config.study import Study, Sweep
 from whid.engine import Engine, Group
@@ -74,7 +74,7 @@ def sweep(
         over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
         found = _judged(gathered(study, over, journal.outcomes()), studies)
         with RunFolder(Path(out), stem) as folder:
-            _write(found, folder, origin)
+            found = _write(found, folder, origin)
             found = replace(found, path=folder.keep(origin["hash"]))
         journal.discard()
     return found
@@ -95,7 +95,8 @@ def load(path: str | Path) -> SweepResult:
     folder = Path(path)
     study = load_study(folder / "config.yaml")
     kept = read_sweep(folder / "sweep.h5")
-    return SweepResult(study.name, **kept, expect=study.expect, path=folder)
+    pictures = tuple(sorted(path.name for path in folder.glob("*.png")))
+    return SweepResult(study.name, **kept, expect=study.expect, pictures=pictures, path=folder)
 
 
 def combinations(declared: Sweep) -> Iterator[tuple[Any, ...]]:
@@ -171,9 +172,13 @@ def _outcome(study: Study, base: Path, spawn_key: tuple[int, ...], clean: Clean)
     return Outcome({name: (float(m.value), float(m.std)) for name, m in numbers.items()})
 
 
-def _write(found: SweepResult, folder: RunFolder, origin: Mapping[str, Any]) -> None:
+def _write(found: SweepResult, folder: RunFolder, origin: Mapping[str, Any]) -> SweepResult:
+    """Draw, tabulate and write a sweep; a picture that fails costs nothing but itself."""
+    pictures, faults = plots.draw(found, folder.path)
     write_sweep(folder.path / "sweep.h5", {name: getattr(found, name) for name in KEPT}, origin, units)
     folder.write("config.yaml", origin["config"])
     tables = (found.table(), found.failures())
-    folder.write("summary.md", "\n\n".join(markdown(table) for table in tables if table.rows) + "\n")
+    shown = [markdown(table) for table in tables if table.rows] + [f"![{name}]({name})" for name in pictures] + list(faults)
+    folder.write("summary.md", "\n\n".join(shown) + "\n")
     folder.write("sweep.csv", as_csv(tables[0]))
+    return replace(found, pictures=pictures)

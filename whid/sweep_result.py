@@ -57,6 +57,12 @@ class SweepResult:
         return tuple(check for bound in self.expect for check in _checks(bound, self.values))
 
     @property
+    def swept(self) -> tuple[str, ...]:
+        """Return the swept paths whose values are numbers, more than one of them: the axis of a picture."""
+        numeric = {path: all(isinstance(v, (int, float)) for v in values) for path, values in self.over.items()}
+        return tuple(path for path, values in self.over.items() if numeric[path] and len(set(values)) > 1)
+
+    @property
     def exit_code(self) -> int:
         """Return 0, or that of a repeat that failed (3), of a breached bound (4), of one that was not measured (5)."""
         return FAILED if self.failed else judged(self.checks)

@@ -18,18 +18,33 @@ from whid.cli._steps import Steps
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Override a value, e.g. plant.noise.std=0.1.")
 @click.option("--force", is_flag=True, help="Run again into a sibling folder, even when this study is done.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
+@click.option("--summary", type=click.Path(path_type=Path), help="Add a Markdown summary to a file.")
+@click.option("--junit", type=click.Path(path_type=Path), help="Write the bounds of `expect:` as JUnit XML.")
 @click.option("--max-memory", default="4GB", show_default=True, help="Refuse a study that would need more.")
-def command(config: Path, out: Path, overrides: tuple[str, ...], force: bool, as_json: bool, max_memory: str) -> int:
+def command(
+    config: Path, out: Path, overrides: tuple[str, ...], force: bool, as_json: bool, summary: Path | None,
+    junit: Path | None, max_memory: str,
+) -> int:  # fmt: skip
     """Run a study: simulate or ingest, identify, score, and keep the result in a folder.
 
     Example: whid run study.yaml --set plant.noise.std=0.1
     """
+    from whid.cli._gate import tell
+
     with Steps() as steps:
         from whid import flow  # takes a second: numpy, scipy, h5py
         from whid.config.memory import size
 
         result = flow.run(config, out, overrides, force=force, max_memory=size(max_memory), watch=steps)
     report(result, as_json, steps.seconds)
+    tell(
+        result.name,
+        result.checks,
+        [table for table in result.tables if table.title == "Fit"],
+        result.exit_code,
+        summary,
+        junit,
+    )
     return result.exit_code
 
 

@@ -28,7 +28,12 @@ def draw(run: Any, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def has(run: Any, need: str) -> bool:
-    """Tell whether a run has a stage, its truth, residuals, linear blocks in its model, or parts of a kind ("sine")."""
+    """Tell whether a run has a stage, its truth, residuals, linear blocks in its model, or parts of a kind ("sine").
+
+    A sweep has `swept`, numbers that were varied, and nothing else.
+    """
+    if need == "swept" or not hasattr(run, "stages"):
+        return need == "swept" and len(getattr(run, "swept", ())) > 0
     if need == "linear":
         return "model" in run.stages and any(hasattr(block, "gain_at") for block in run.stages["model"].system.series)
     if need in ("truth", "residuals"):
