@@ -24,10 +24,11 @@ from whid.stages._cascade import Cascade, Filter
 from whid.stages.allocation import Allocation, Split, allocation
 from whid.stages.best_linear import SHORT, BestLinear, Complexes, best_linear, local_polynomial, realisations
 from whid.stages.between_samples import between_samples
-from whid.stages.cascade_fit import Window, bic, cascade_fit, gauged, knotted, reached, rested, rms_error
+from whid.stages.cascade_fit import Window, bic, cascade_fit, errors, gauged, knotted, reached, rested, rms_error
 from whid.stages.descent import Step, descent
 from whid.stages.interference import interference
 from whid.stages.linear_fit import LinearFit, alternatives, linear_fit, matched
+from whid.stages.noise_floor import noise_floor
 from whid.stages.static_curves import static_curves
 from whid.stages.structures import better, named, structures
 from whid.stages.two_curves import Between, two_curves
@@ -87,7 +88,7 @@ class Parametric(Method):
     Best linear approximation, rational fit, all splits of its poles and zeros between front and back scored by linear least
     squares, and one filter between two curves; the best few of every structure refined on more and more data. A larger model
     must be better on selection parts, by two standard errors, or where there are none by BIC. Aliasing between the samples
-    is looked for, and where it is found the blocks run at twice the record's rate.
+    is looked for, and where it is found the blocks run at twice the record's rate, or four times.
 
     structure      auto: those above compared
     orders         poles: [front, back], or [n] in all; left out: from the data
@@ -143,6 +144,7 @@ class Parametric(Method):
         cascade = rested(way.down(every, cascade, LAST))
         yield descent(way.steps)
         yield static_curves(every, cascade, way.estimate)
+        yield noise_floor(list(errors(every, cascade)), data.dt)
         found = from_cascade(cascade, way.estimate, factor, data.dt, tuple(_beyond(every, cascade)))
         if self.interference == "auto" and len(every) == 1:  # a phase does not carry over from record to record
             tones = interference(every[0].y - cascade.response(every[0].u)[::factor], every[0].use, data.dt, every[0].t0)
@@ -214,7 +216,7 @@ class Parametric(Method):
         factor = 1
         while factor < FASTEST and data.records[0].intersample != "discrete":
             slow, windows = data.first(SOME, factor), data.first(SOME, 2 * factor)
-            if factor > 1 and not between_samples(slow[0], cascade, data.dt).present:
+            if factor > 1 and between_samples(slow[0], cascade, data.dt).share < 1 - WORTH:
                 break
             rival = self._grown(windows, _faster(cascade, bla, 2, factor), way, len(cascade.curves[0].parameters()))
             if rms_error(windows, rival) > WORTH * rms_error(slow, cascade):

@@ -13,6 +13,7 @@ from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, log_
 NEEDS = ("residuals",)
 USES = {"estimation": MODEL, "selection": "#009E73", "report": TRUTH}
 MOST = 3  # records in one picture
+SLOW = 200  # stretches whose means are drawn over a long residual
 
 
 def draw(run: Any, figure: Figure) -> None:
@@ -37,12 +38,27 @@ def _course(axes: Axes, record: Any, residual: Floats) -> None:
     rest = ~np.any([record.using(use) for use in USES], axis=0) & np.isfinite(residual)
     if rest.any():
         axes.plot(*envelope(record.time, np.where(rest, residual, np.nan)), color=QUIET, lw=0.5, label="in no part")
+    if len(residual) > 100 * SLOW:
+        axes.plot(*_slow(record.time, residual), color="black", lw=0.9, label=f"mean of 1/{SLOW}")
     axes.set_ylabel(label("output − model", record.units["output"]))
     axes.set_title(record.name)
-    known = residual[np.isfinite(residual)]
+    used = np.any([record.using(use) for use in USES], axis=0) & np.isfinite(residual)
+    known = residual[used if used.any() else np.isfinite(residual)]
     note(axes, f"rms {np.sqrt(np.mean(known**2)):.3g}, output std {np.nanstd(record.y):.3g}")
+    if rest.any():  # what belongs to no part may be a transient; it does not set the scale
+        largest = 1.2 * float(np.abs(known).max()) or 1.0
+        axes.set_ylim(-largest, largest)
     if [line.get_label() for line in axes.lines] != ["estimation"]:
-        axes.legend(loc="best", ncols=4)
+        axes.legend(loc="upper left", ncols=2, framealpha=0.8)
+
+
+def _slow(time: Floats, residual: Floats) -> tuple[Floats, Floats]:
+    """Return means over stretches: drift, which no model of the input can follow."""
+    known = np.isfinite(residual)
+    parts = np.array_split(np.arange(len(residual)), SLOW)
+    return np.array([time[p].mean() for p in parts]), np.array(
+        [residual[p][known[p]].mean() if known[p].any() else np.nan for p in parts]
+    )
 
 
 def _spectra(axes: Axes, record: Any, residual: Floats) -> None:

@@ -78,6 +78,13 @@ def pinned(curve: Static) -> tuple[int, ...]:
     return tuple(k for k, name in enumerate(names) if name in (f"{head}.0", f"{head}.1"))
 
 
+def loose(curve: Static) -> tuple[int, ...]:
+    """Return the places, among a curve's parameters, of what changes nothing by itself: the outermost inputs of lines."""
+    if not isinstance(curve, Table) or curve.beyond == "hold":
+        return ()
+    return (0, len(curve.inputs) - 1)
+
+
 def raised(curve: Static, by: float) -> Static | None:
     """Return f + by, None where the curve has no room for it."""
     if isinstance(curve, (Spline, Table)):

@@ -25,6 +25,11 @@ class BetweenSamples(NamedTuple):
     left: Annotated[float, Quantity("output")]  # rms of the residual
     present: bool
 
+    @property
+    def share(self) -> float:
+        """Return how much of the residual's rms would go with the aliasing."""
+        return 1 - float(np.sqrt(max(1 - (self.size / self.left) ** 2, 0.0))) if self.present and self.left else 0.0
+
     def table(self) -> Table:
         """Return the coefficient and the verdict."""
         verdict = "oversample" if self.present else "the record's rate will do"

@@ -112,15 +112,17 @@ def knotted(windows: Sequence[Window], cascade: Cascade, knots: int, *, by_bend:
 
 def gauged(cascade: Cascade) -> Cascade:
     """Return the cascade with what its fit holds: of a curve in front of a filter and another curve the two points of the
-    knots that lie farthest apart in height, not at the ends, where few samples are.
+    knots that lie farthest apart in height, not at the ends, where few samples are; of straight lines the outermost inputs.
 
-    f → a·f + b in front of a filter of unit static gain is undone by the next curve.
+    f → a·f + b in front of a filter of unit static gain is undone by the next curve; an outermost point may slide along
+    its line.
     """
     held: list[int] = []
     curves = [k for k, part in enumerate(cascade.parts) if isinstance(part, Static)]
     for k, (part, at) in enumerate(cascade.places()):
-        if isinstance(part, Static) and k + 1 < len(cascade.parts) and k < curves[-1] and k + 1 not in curves:
-            held += [at.start + place for place in forms.pinned(part)]
+        if isinstance(part, Static):
+            between = k < curves[-1] and k + 1 not in curves
+            held += [at.start + place for place in forms.loose(part) + (forms.pinned(part) if between else ())]
     return cascade._replace(held=tuple(held))
 
 
