@@ -167,6 +167,23 @@ def test_the_domain_in_the_message_works():
     identify(x, y, inverse=True, domain=(float(low), float(high) - 0.01))
 
 
+def test_a_system_with_memory_is_doubted(tmp_path):
+    """A first-order lag behind the curve; the same without the lag is not doubted."""
+    plain = {"kind": "polynomial", "coefficients": [0, 1, 0, 0.3]}
+    for chain, doubted in (([plain, {"kind": "linear", "num": [2.0], "den": [1, 2]}], True), ([plain], False)):
+        result = whid.run(
+            {
+                "name": "memory",
+                "plant": {"chain": chain, "noise": {"kind": "white", "snr_db": 30}},
+                "experiment": {"dt": 0.1, "parts": [{"kind": "noise_band", "std": 0.4, "duration_s": 600}]},
+                "identify": {"kind": "memoryless", "order": 5},
+            },
+            out=tmp_path,
+        )
+        assert result.exit_code == 0
+        assert any("earlier inputs" in warning for warning in result.warnings) == doubted
+
+
 def test_a_staircase_by_least_squares():
     x = np.repeat(np.linspace(-1, 1, 15), 60)
     y = g(x) + 0.01 * np.random.default_rng(10).standard_normal(len(x))

@@ -9,6 +9,7 @@ from whid.fit import linear_least_squares
 from whid.stages._chebyshev import basis, moments, nodes, transform
 from whid.stages.chebyshev_fit import chebyshev_fit
 from whid.stages.lack_of_fit import lack_of_fit
+from whid.stages.memory import lagged, memory
 from whid.stages.node_plus import node_plus
 from whid.stages.node_windows import node_windows
 
@@ -181,6 +182,19 @@ def test_b4_under_modelled(name):
     print(f"B4 {name}: node-plus {ratio.mean():.3f}, worst {ratio.max():.3f}; least squares {other:.3f}")
     assert ratio.max() <= 1.2
     assert not any(f[2].passed for f in found)
+
+
+def test_the_size_of_the_memory_test():
+    """p is uniform for white noise, whatever the input's own colour: quantiles of 300 runs against the binomial."""
+    runs, samples = 300, 1500
+    p = []
+    for seed in range(runs):
+        rng = np.random.default_rng(22_000 + seed)
+        u = inputs(rng, samples)
+        y = g(u) + 0.05 * rng.standard_normal(samples)
+        p.append(memory(u, y, np.stack(list(lagged(u, 4))), chebyshev_fit(u, y, 5, (-0.7, 0.7))).p)
+    for level in (0.05, 0.5):
+        assert abs(np.mean(np.array(p) < level) - level) < 3.3 * np.sqrt(level * (1 - level) / runs)
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,12 @@ from whid.stages.chebyshev_fit import ChebyshevFit, chebyshev_fit
 from whid.stages.curve_estimates import Choice, CurveEstimates, curve_estimates
 from whid.stages.equaliser import equaliser, image_of
 from whid.stages.lack_of_fit import lack_of_fit
+from whid.stages.memory import lagged, memory
 from whid.stages.node_plus import node_plus
 from whid.stages.node_windows import NodeWindows, node_windows
 from whid.system import System
+
+LAGS = 4  # earlier inputs that are tried, to see whether there is memory after all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +41,8 @@ class Memoryless(Method):
     domain         [a, b], input units; left out: what the data cover, min_points samples on either side left outside
     half_width     of the paper's windows, of half the domain; doubles until they hold min_points samples
     report         auto: by the test; or one of the three (least_squares: without windows, for inputs of few values)
-    inverse        also the equaliser, input from output: the inverse of the reported curve
+    inverse        also the equaliser, input from output: the inverse of the reported curve, applied from Python by
+                   `result.stages["equaliser"].tree(y, dt)`
     inverse_order  of the equaliser
     """
 
@@ -55,7 +59,7 @@ class Memoryless(Method):
             raise WhidError("config-value", f"domain is [low, high], not {list(self.domain)}", "domain")
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
-        """Yield node windows, least squares, lack of fit, node-plus, the estimates together, equaliser; the Model last."""
+        """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, equaliser; the Model last."""
         x, y = _samples(records)
         domain = self.domain or _covered(x, self.min_points)
         windows = plus = None
@@ -66,6 +70,7 @@ class Memoryless(Method):
         yield fit
         verdict = lack_of_fit(fit)
         yield verdict
+        yield memory(x, y, _earlier(records), fit)
         if self.report != "least_squares":
             plus = node_plus(x, y, fit, self.min_points)
             yield plus
@@ -94,6 +99,12 @@ def _samples(records: Sequence[Record]) -> tuple[Floats, Floats]:
     if not len(x):
         raise WhidError("method-no-data", "no record has samples for estimation")
     return x, y
+
+
+def _earlier(records: Sequence[Record]) -> Floats:
+    """Return the inputs before those of `_samples`, (LAGS, N)."""
+    rows = [np.stack(list(lagged(record.u, LAGS)))[:, record.using("estimation")] for record in records]
+    return np.concatenate(rows, axis=1)
 
 
 def _covered(x: Floats, min_points: int) -> Domain:

@@ -1,0 +1,90 @@
+"""Is there no memory? Whether earlier inputs explain what a static curve leaves over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from whid.fit import normal_equations
+from whid.quantity import Table
+from whid.signal import Floats
+from whid.stages._chebyshev import CHUNK, basis, scaled
+from whid.stages.chebyshev_fit import ChebyshevFit
+from whid.stages.lack_of_fit import ROUNDING
+
+SIGNIFICANCE = 1e-4  # the order may be too low and the noise uneven: a warning needs more than the odd per cent
+
+
+class Memory(NamedTuple):
+    """Memory: whether the output depends on earlier inputs as well, which no static curve can follow."""
+
+    statistic: float  # F
+    lags: int  # that could be told apart
+    dof: int
+    p: float
+    passed: bool
+
+    def table(self) -> Table:
+        """Return one row and the verdict."""
+        row = (self.lags, float(f"{self.statistic:.4g}"), self.dof, float(f"{self.p:.3g}"))
+        none = "earlier inputs explain nothing more: no memory seen"
+        return Table("Memory", ("earlier inputs", "F", "dof", "p"), (row,), (none if self.passed else self._found,))
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return the warning of a system that remembers."""
+        return () if self.passed else (self._found + "; try `identify: {kind: parametric}`",)
+
+    @property
+    def _found(self) -> str:
+        why = "the system has memory, or its noise is coloured as the input is"
+        return f"earlier inputs explain what the curve leaves over (p = {self.p:.2g}): {why}; standard errors are too small"
+
+
+def memory(x: Floats, y: Floats, earlier: Floats, fit: ChebyshevFit) -> Memory:
+    """Test whether x(n − 1), x(n − 2), … join the Chebyshev terms of x(n) in explaining y(n).
+
+    F = ((R − R₊)/L)/(R₊/(N − K − 1 − L)) of two nested linear models; exact for white Gaussian noise and enough order. x, y
+    (N,), finite; earlier (L, N). The fit's own samples are used, those in its domain. passed: p ≥ 1e-4, or no more than
+    rounding is left.
+
+    >>> from whid.stages.chebyshev_fit import chebyshev_fit
+    >>> u = np.random.default_rng(0).uniform(-1, 1, 2001)
+    >>> x, last, noise = u[1:], u[:-1], 0.1 * np.random.default_rng(1).normal(size=2000)
+    >>> outputs = x**3 + noise, x + 0.1 * last + noise
+    >>> [memory(x, y, last[None], chebyshev_fit(x, y, 5, (-1.0, 1.0))).passed for y in outputs]
+    [True, False]
+    """
+    from scipy.special import fdtrc
+
+    order, t = len(fit.coefficients) - 1, scaled(x, fit.domain)
+    inside = np.abs(t) <= 1
+    t, y, earlier = t[inside], y[inside], earlier[:, inside]
+    size = order + 1 + len(earlier)
+    gram, products, square = np.zeros((size, size)), np.zeros(size), 0.0
+    for start in range(0, len(t), CHUNK):
+        part = slice(start, start + CHUNK)
+        rows = np.concatenate([basis(t[part], order), scaled(earlier[:, part], fit.domain)])
+        residual = y[part] - fit.coefficients @ rows[: order + 1]
+        gram += rows @ rows.T
+        products += rows @ residual
+        square += float(residual @ residual)
+    alone = normal_equations(gram[: order + 1, : order + 1], products[: order + 1], square, len(t))
+    joined = normal_equations(gram, products, square, len(t))
+    lags, dof = joined.rank - alone.rank, joined.dof
+    if lags < 1 or dof < 1 or square <= (ROUNDING * fit.scale) ** 2 * len(t):
+        return Memory(0.0, max(lags, 0), dof, 1.0, True)
+    statistic = float((alone.chi2 - joined.chi2) / lags / max(joined.chi2 / dof, 1e-300))
+    p = float(fdtrc(lags, dof, max(statistic, 0.0)))
+    return Memory(statistic, lags, dof, p, p >= SIGNIFICANCE)
+
+
+def lagged(u: Floats, lags: int) -> Iterator[Floats]:
+    """Yield u(n − 1), u(n − 2), …, the first value held before the record.
+
+    >>> [row.tolist() for row in lagged(np.array([1.0, 2.0, 3.0]), 2)]
+    [[1.0, 1.0, 2.0], [1.0, 1.0, 1.0]]
+    """
+    for k in range(1, lags + 1):
+        yield np.concatenate([np.full(min(k, len(u)), u[0] if len(u) else 0.0), u[: max(len(u) - k, 0)]])
