@@ -102,7 +102,7 @@ def _dynamic(system: System, side: str) -> bool:
     return bool(np.ptp(np.abs(linear_gain(system, side, np.array([0.0, 1e-3, 1.0, 1e3])))) > 0)
 
 
-def _between(system: System, omega: Floats) -> NDArray[np.complex128]:
+def linear_response(system: System, omega: Floats) -> NDArray[np.complex128]:
     """Return G(jω)/G(0) of all linear blocks and delays in series."""
     product, static = np.ones(len(omega), complex), 1.0 + 0j
     for block in system.series:
@@ -127,7 +127,7 @@ def _against(system: System, records: Sequence[Record], truth: System) -> Iterat
     reached = {"front": fundamentals, "back": distinct(np.concatenate([fundamentals, 2 * fundamentals]))}
     if not _dynamic(truth, "front") and not _dynamic(truth, "back"):  # nonlinear first and last
         if len(fundamentals):
-            g, h = (_between(s, fundamentals) for s in (system, truth))
+            g, h = (linear_response(s, fundamentals) for s in (system, truth))
             yield "linear.gain.error.max", float(np.abs(np.abs(g) - np.abs(h)).max())
             yield "linear.phase.error.max", float(np.abs(np.angle(g / h)).max())
         reached = {}

@@ -91,12 +91,10 @@ def lissajous(omega: Floats, tests: Sequence[StaticTest], amplitude: Floats) -> 
     moved, covariance = np.empty((m, n)), np.zeros((m * n, m * n))
     for e, (test, a) in enumerate(zip(tests, amplitude, strict=True)):
         own = slice(e * n, (e + 1) * n)
-        moved[e], covariance[own, own] = _carried(
-            partial(_coefficients, amplitude=a), test.along, np.diag(test.along_std**2)
-        )
-    values, carried = _carried(lambda flat: _scaled(flat.reshape(m, n)), moved.ravel(), covariance)
-    std = np.sqrt(np.maximum(np.diag(carried), 0.0))
-    roots = np.array([_moved(test.along, a)[1] for test, a in zip(tests, amplitude, strict=True)])
+        moved[e], covariance[own, own] = carried(partial(_coefficients, amplitude=a), test.along, np.diag(test.along_std**2))
+    values, covariance = carried(lambda flat: _scaled(flat.reshape(m, n)), moved.ravel(), covariance)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    roots = np.array([about_zero(test.along, a)[1] for test, a in zip(tests, amplitude, strict=True)])
     phase, phase_std = (np.array([getattr(test, name) for test in tests]) for name in ("phase", "phase_std"))
     return Lissajous(
         omega, phase, phase_std, values[:m], std[:m], values[m:], std[m:], roots, np.abs(roots) <= amplitude
@@ -119,8 +117,8 @@ def paper_scale(fit: AffineFit, estimate: Estimate, root: float) -> PaperScale:
         return np.concatenate([[size], np.exp(g[:, 0]) * size, moved / size ** np.arange(1, count)])
 
     own = np.r_[:count, len(estimate.values) - 2 * m : len(estimate.values)]
-    values, carried = _carried(numbers, estimate.values[own], estimate.covariance[np.ix_(own, own)])
-    std = np.sqrt(np.maximum(np.diag(carried), 0.0))
+    values, covariance = carried(numbers, estimate.values[own], estimate.covariance[np.ix_(own, own)])
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     g = estimate.values[len(estimate.values) - 2 * m :].reshape(m, 2)
     phase = (g[:, 1] + np.pi) % (2 * np.pi) - np.pi
     phase_std = estimate.std[len(estimate.values) - 2 * m :].reshape(m, 2)[:, 1]
@@ -130,7 +128,7 @@ def paper_scale(fit: AffineFit, estimate: Estimate, root: float) -> PaperScale:
     )
 
 
-def _moved(along: Floats, amplitude: float) -> tuple[Floats, float]:
+def about_zero(along: Floats, amplitude: float) -> tuple[Floats, float]:
     """Return c̃₁ … c̃ₙ about the zero of a curve given by its harmonics, and that zero."""
     c = np.asarray(chebyshev.cheb2poly(along), float)
     c = np.pad(c, (0, len(along) - len(c))) / amplitude ** np.arange(len(along))
@@ -143,7 +141,7 @@ def _moved(along: Floats, amplitude: float) -> tuple[Floats, float]:
 
 
 def _coefficients(along: Floats, amplitude: float) -> Floats:
-    return _moved(along, amplitude)[0]
+    return about_zero(along, amplitude)[0]
 
 
 def _size(c: Floats) -> float:
@@ -158,7 +156,7 @@ def _scaled(c: Floats) -> Floats:
     return np.append(gain, c.sum(axis=0) / (gain[:, None] ** np.arange(1, c.shape[1] + 1)).sum(axis=0))
 
 
-def _carried(numbers: Callable[[Floats], Floats], at: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+def carried(numbers: Callable[[Floats], Floats], at: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """Return numbers(θ) and their covariance by differences."""
     std = np.sqrt(np.diag(covariance))
     steps = np.where(std > 0, STEP * std, 1e-9)
