@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from whid.blocks.chain import Chain
 from whid.errors import WhidError
 from whid.quantity import Quantity, Table
 from whid.record import Record
 from whid.refine._fit import refine
+from whid.refine._free import FreeNumbers
 from whid.refine._result import Refined
 from whid.signal import Floats
 from whid.system import System
+
+DRAWS = 100  # of one scattered start
 
 
 class Starts(NamedTuple):
@@ -32,20 +36,20 @@ class Starts(NamedTuple):
 
 def multistart(
     system: System, records: Sequence[Record], starts: int, rng: np.random.Generator, spread: float = 0.3,
-    **options: object,
+    **options: Any,
 ) -> Starts:  # fmt: skip
     """Fit from the given numbers and from `starts` − 1 scattered ones (each times exp(spread·normal)), keep the best.
 
-    A start that cannot be simulated counts as one that ended nowhere (infinite cost).
+    What holds a gauge stays; ties and kinks stay such. A scatter that makes no model (breaks out of order) is drawn again.
+    A start that cannot be simulated counts as one that ended nowhere (infinite cost). options: those of `refine`.
     """
-    first = refine(system, records, **options)  # type: ignore[arg-type]
+    first = refine(system, records, **options)
     found: list[Refined | None] = [first]
-    free = [p for p in system.tree.parameters() if p.name in first.estimate.names]  # what holds a gauge stays
+    held = tuple(p.name for p in system.tree.parameters() if p.name not in first.estimate.names)
+    free = FreeNumbers(system.tree, held, tuple(tuple(group) for group in options.get("tied", ())))
     for _ in range(starts - 1):
-        moved = {p.name: float(np.clip(p.value * np.exp(spread * rng.standard_normal()), p.lower, p.upper)) for p in free}
         try:
-            tree = system.tree.with_parameters(moved)
-            found.append(refine(replace(system, chain=tree.chain), records, **options))  # type: ignore[arg-type]
+            found.append(refine(replace(system, chain=scattered(free, rng, spread).chain), records, **options))
         except (WhidError, ValueError, np.linalg.LinAlgError):
             found.append(None)
     cost = np.array([np.inf if f is None else float(f.samples @ np.log(np.maximum(f.noise_std, 1e-300)) * 2) for f in found])
@@ -53,3 +57,18 @@ def multistart(
     assert best is not None
     cost -= np.nanmin(cost)
     return Starts(best, cost, int(np.sum(cost < 1.0)))
+
+
+def scattered(free: FreeNumbers, rng: np.random.Generator, spread: float) -> Chain:
+    """Return the tree at free numbers times exp(spread·normal) each; raise `WhidError("fit-start")` where none is one."""
+    for _ in range(DRAWS):
+        numbers = [np.clip(p.value * np.exp(spread * rng.standard_normal()), p.lower, p.upper) for p in free.parameters]
+        try:
+            tree = free.at(np.array(numbers, float))
+            break
+        except WhidError:
+            continue
+    else:
+        raise WhidError("fit-start", f"{DRAWS} scattered starts made no model")
+    assert isinstance(tree, Chain)
+    return tree
