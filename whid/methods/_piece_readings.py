@@ -21,6 +21,7 @@ from whid.stages._affine_fit import AffineFit
 from whid.stages._whiten import autoregression
 from whid.stages.input_pieces import Choice, InputPieces, input_pieces
 from whid.stages.transfer_function import TransferFunction, transfer_function
+from whid.system import System
 
 MOST_SAMPLES = 400_000  # of a whole-record fit that nobody asked for; settled sines are averaged in it
 MORE = 0.05  # residual variance beyond the noise of the levels that calls for a word
@@ -89,13 +90,18 @@ def finished(bench: Bench, reading: Reading, staged: Model, wanted: bool | None)
         return
     yield best
     missing = (*staged.missing, *reading.pieces.unknown(), *_unexplained(bench, staged._replace(system=best.system)))
-    before = rms(np.concatenate([residual(staged.system.tree, record) for record in bench.records]))
-    if float(np.sqrt(best.samples @ best.rms**2 / best.samples.sum())) > WORSE * before:
+    before, after = (_left(bench, system) for system in (staged.system, best.system))
+    if after > WORSE * before:
         yield staged._replace(missing=(*missing, "the whole-record fit found no minimum: these are the staged numbers"))
         return
     yield staged._replace(system=best.system, estimate=best.estimate, missing=missing + best.gauge)
     if best.estimate.why_stop == "interrupted":
         raise KeyboardInterrupt
+
+
+def _left(bench: Bench, system: System) -> float:
+    """Return the rms of all records' residual."""
+    return rms(np.concatenate([residual(system.tree, record) for record in bench.records]))
 
 
 def _unexplained(bench: Bench, model: Model) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ def _slopes(function: Callable[[Floats], Complexes], at: Floats, std: Floats) ->
 
 def jump_levels(system: Any) -> Floats:
     """Return the input levels at which the steady output of linear, static and linear blocks in series jumps."""
-    places = [place for place, block in enumerate(system.series) if hasattr(block, "jumps")]
+    places = [place for place, block in enumerate(system.series) if hasattr(block, "jumps") and np.any(block.jumps())]
     if len(places) != 1:
         return np.empty(0)
     block, front = system.series[places[0]], system.series[: places[0]]
