@@ -1,7 +1,8 @@
 """Everything that a YAML mapping names by `kind`: one file per kind, the folder is the registry.
 
 `kind: dead_zone` in a list of blocks is the class `DeadZone` in `blocks/dead_zone.py`. Listing the kinds of a
-family reads the folder's file names and imports nothing; a kind is imported when it is asked for.
+family reads the folder's file names and imports nothing; a kind is imported when it is asked for. A package of the user's
+own adds kinds by entry points of the family's name (`whid.blocks`, `whid.effects`): `my_kind = package.my_kind:MyKind`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import importlib
 import importlib.util
 import pkgutil
 from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -36,8 +38,8 @@ class Kind:
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:
-        """Return the family's kinds, read from its folder without importing them."""
-        return _listed(cls.family)
+        """Return the family's kinds, read from its folder and from entry points without importing them."""
+        return tuple(sorted({*_listed(cls.family), *_brought(cls.family)}))
 
     @classmethod
     def named(cls, kind: str) -> type[Self]:
@@ -46,9 +48,18 @@ class Kind:
             near = difflib.get_close_matches(kind, cls.kinds(), n=1)
             hint = f", did you mean {near[0]}?" if near else ""
             raise WhidError("config-kind", f"no {cls.family.rpartition('.')[2]} kind {kind!r}{hint}")
+        if kind not in _listed(cls.family):
+            brought: type[Self] = _brought(cls.family)[kind].load()
+            return brought
         module = importlib.import_module(f"{cls.family}.{kind}")
         found: type[Self] = getattr(module, "".join(word.title() for word in kind.split("_")))
         return found
+
+    @classmethod
+    def package(cls) -> str:
+        """Return the package and version that brought this kind, empty for whid's own."""
+        entry = _brought(cls.family).get(cls.kind) if cls.kind not in _listed(cls.family) else None
+        return f"{entry.dist.name} {entry.dist.version}" if entry is not None and entry.dist is not None else ""
 
     @classmethod
     def summary(cls) -> str:
@@ -76,6 +87,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return repr(value).strip("()") if isinstance(value, complex) else value
+
+
+@lru_cache
+def _brought(family: str) -> dict[str, metadata.EntryPoint]:
+    """Return the kinds that installed packages bring, by name; the import of one happens when it is asked for."""
+    return {entry.name: entry for entry in metadata.entry_points(group=family)} if family else {}
 
 
 @lru_cache

@@ -12,6 +12,8 @@ from whid.config.yaml import dump
 from whid.files.source import DataSource, locate
 from whid.kinds import plain
 from whid.methods.fit import Fit
+from whid.refine._free import walk
+from whid.system import System
 from whid.trace import Verdict
 
 LEAVE = "# the numbers are fitted already: `steps: 0` leaves them; take it out to fit again"
@@ -35,7 +37,7 @@ def refined_study(study: Study, stages: Mapping[str, Any], base: Path) -> str:
         identify=Fit(steps=0, noise="ar" if coloured else "white", path=path),
     )  # fmt: skip
     said = {"model:": _evidence(verdict), "identify:": [LEAVE]}
-    text = _head(study, verdict)
+    text = [*_head(study, verdict), *_packages(system)]
     for line in dump(plain(new)).splitlines():
         text += [*said.get(line.partition(" ")[0], []), line]
     return "\n".join(text) + "\n"
@@ -51,6 +53,13 @@ def _head(study: Study, verdict: Verdict) -> list[str]:
         f"# {study.name}, refined by whid trace. {verdict.sentence}",
         f"# rms on {where}: {verdict.before.rms:.6g} before, {verdict.after.rms:.6g} after; noise floor {verdict.floor:.6g}",
     ]
+
+
+def _packages(system: System) -> list[str]:
+    """Return a line for every package that brought a block or disturbance of the model."""
+    kinds = [block for _, block in walk(system.tree)]
+    found = dict.fromkeys(p for kind in (*kinds, *system.noise) if (p := type(kind).package()))
+    return [f"# needs {package}: pip install {package.replace(' ', '==')}" for package in found]
 
 
 def _evidence(verdict: Verdict) -> list[str]:

@@ -17,7 +17,7 @@ class Candidate(NamedTuple):
     new        paths in the edited tree of the numbers that the effect brings: reported, and paid for
     amplitude  those of them that scale what it does: at 0 it does nothing. Screening finds them by linear least squares; a
                candidate without any is judged as it stands
-    rough      those whose derivative does not lead a fit (a quantiser's step): searched without it
+    rough      those whose derivative does not lead a fit (a quantiser's step), with the reach of a search without it
     tried      values of further numbers that were looked at to come to this start
     """
 
@@ -25,7 +25,7 @@ class Candidate(NamedTuple):
     core: tuple[int, int]
     new: tuple[str, ...]
     amplitude: tuple[str, ...] = ()
-    rough: tuple[str, ...] = ()
+    rough: tuple[tuple[str, float], ...] = ()
     tried: int = 1
 
     @property

@@ -51,7 +51,7 @@ class Look:
     noises: tuple[Noise, ...]
     core: tuple[int, int] = (0, 0)
     path: str = "exact"
-    _signals: dict[int, tuple[Floats, ...]] = field(default_factory=dict)
+    _courses: dict[int, tuple[Signal, ...]] = field(default_factory=dict)
 
     @cached_property
     def use(self) -> tuple[Bools, ...]:
@@ -101,9 +101,17 @@ class Look:
         return left
 
     def simulate(self, system: System) -> tuple[Floats, ...] | None:
-        """Return the response of another system to every record's input, None where it has none."""
+        """Return the response of another system to every record's input, None where it has none.
+
+        Blocks that both systems begin with are not simulated again.
+        """
+        same = self._same(system)
+        rest = Chain(chain=system.chain[same:]) if same < len(system.chain) else None
         try:
-            found = tuple(respond(system.tree, record, self.path) for record in self.records)
+            found = tuple(
+                x.values if rest is None else rest.step(x, begun(rest, x, record))[0].values
+                for record, x in zip(self.records, self.courses(same), strict=True)
+            )
         except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
             return None
         return found if all(np.all(np.isfinite(y)) for y in found) else None
@@ -118,23 +126,45 @@ class Look:
 
     def along(self, candidate: Candidate) -> Floats | None:
         """Return what a candidate's amplitudes would change of ŷ, each a unit of it, to first order from 0: (n, q)."""
-        tree = candidate.at(dict.fromkeys(candidate.amplitude, 0.0)).system.tree
+        system = candidate.at(dict.fromkeys(candidate.amplitude, 0.0)).system
+        same = self._same(system)
+        rest = Chain(chain=system.chain[same:])
+        names = [_shifted(name, same) for name in candidate.amplitude]
+        found = []
         try:
-            pairs = [sensitivities(tree, record, candidate.amplitude, self.path) for record in self.records]
+            for record, x in zip(self.records, self.courses(same), strict=True):
+                _, tangents, _ = rest.tangent(x, [], names, begun(rest, x, record))
+                found.append(np.array([t.values for t in tangents]).T)
         except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
             return None
-        if not all(np.all(np.isfinite(j)) for _, j in pairs):
-            return None
-        return self.rest(self.rows([j for _, j in pairs]))
+        return self.rest(self.rows(found)) if all(np.all(np.isfinite(j)) for j in found) else None
+
+    def courses(self, place: int) -> tuple[Signal, ...]:
+        """Return what enters the block at a place of the system's own chain, its course between samples with it."""
+        if place not in self._courses:
+            found = []
+            for record in self.records:
+                u = input_signal(self.system.tree, record, self.path)
+                head = Chain(chain=self.system.chain[:place]) if place else None
+                found.append(u if head is None else head.step(u, begun(head, u, record))[0])
+            self._courses[place] = tuple(found)
+        return self._courses[place]
 
     def signal(self, place: int) -> tuple[Floats, ...]:
         """Return the samples of what enters the block at a place of the series (len: what leaves the last)."""
-        if place not in self._signals:
-            blocks = self.system.series[:place]
-            self._signals[place] = tuple(
-                respond(Chain(chain=blocks), r, self.path) if blocks else np.asarray(r.u, float) for r in self.records
-            )
-        return self._signals[place]
+        if self.system.series_path == "chain.":
+            return tuple(course.values for course in self.courses(place))
+        blocks = self.system.series[:place]
+        return tuple(respond(Chain(chain=blocks), r, self.path) if blocks else np.asarray(r.u, float) for r in self.records)
+
+    def _same(self, system: System) -> int:
+        """Return with how many blocks of this look's chain another one begins."""
+        same = 0
+        for mine, other in zip(self.system.chain, system.chain, strict=False):
+            if mine is not other and mine != other:
+                break
+            same += 1
+        return same
 
     def quantiles(self, place: int, shares: Sequence[float]) -> Floats:
         """Return quantiles of what enters the block at a place, at the samples that count."""
@@ -166,12 +196,18 @@ class Look:
 
     def moved(self, system: System, core: tuple[int, int] | None = None) -> Look:
         """Return the look at another system."""
-        return replace(self, system=system, core=self.core if core is None else core, _signals={})
+        return replace(self, system=system, core=self.core if core is None else core, _courses={})
 
     def span(self, place: int) -> tuple[float, float]:
         """Return the least and the greatest of what enters the block at a place."""
         low, high = self.quantiles(place, (0.0, 1.0))
         return float(low), float(high)
+
+
+def _shifted(name: str, by: int) -> str:
+    """Return the name of a number in a chain whose first blocks are gone."""
+    _, place, rest = name.split(".", 2)
+    return f"chain.{int(place) - by}.{rest}"
 
 
 def respond(tree: Block, record: Record, path: str) -> Floats:

@@ -26,10 +26,11 @@ class Edit(NamedTuple):
     core: Core
 
     def candidate(
-        self, *names: str, amplitude: tuple[str, ...] = (), rough: tuple[str, ...] = (), tried: int = 1
+        self, *names: str, amplitude: tuple[str, ...] = (), rough: tuple[tuple[str, float], ...] = (), tried: int = 1
     ) -> Candidate:
         """Return the candidate whose new numbers these are, named as in the new block."""
-        new, scaled, searched = (tuple(self.path + name for name in each) for each in (names, amplitude, rough))
+        new, scaled = (tuple(self.path + name for name in each) for each in (names, amplitude))
+        searched = tuple((self.path + name, reach) for name, reach in rough)
         return Candidate(self.system, self.core, new, scaled, searched, tried)
 
 

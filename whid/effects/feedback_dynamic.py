@@ -13,7 +13,7 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-SAMPLES = (3.0, 10.0, 30.0, 100.0)
+SAMPLES = (5.0, 30.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,7 +31,7 @@ class FeedbackStatic(Effect):
         """Yield a straight and a bent way back, with an offset."""
         if not sites.moving:
             return
-        for powers in ((1,), (0, 1), (0, 1, 2, 3)):
+        for powers in ((1,), (0, 1, 2, 3)):
             names = tuple(f"back.coefficients.{k}" for k in powers)
             back = Polynomial(coefficients=(0.0,) * (max(powers) + 1), fix=_held(powers))
             loop = Feedback(forward=sites.declared, back=back, solve="continuous")

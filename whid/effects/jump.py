@@ -26,8 +26,11 @@ class Jump(Effect):
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield jumps at levels over the inner range of v."""
+        linear = [k for k, block in enumerate(sites.blocks) if block.kind == "linear"]
         for place in sites.static:
-            moving = any(block.kind == "linear" for block in sites.blocks[:place])
+            low, high = look.span(place)
+            led = any(k < place for k in linear) and any(k > place for k in linear)  # else it moves no sample
+            reach = (high - low) / 24
             for at in look.quantiles(place, SHARES):
                 edit = sites.beside(place, Jump_(at=float(at), height=0.0))
-                yield edit.candidate("at", "height", amplitude=("height",), rough=() if moving else ("at",))
+                yield edit.candidate("at", "height", amplitude=("height",), rough=() if led else (("at", reach),))

@@ -17,7 +17,7 @@ from whid.effects._noisy import Fitted, NoiseEffect
 from whid.effects._sites import Sites
 from whid.signal import Floats
 
-SHARES = np.geomspace(2e-3, 0.3, 60)  # of the range; a step that is off by a tenth explains nothing
+LEVELS = np.arange(3.0, 90.0, 0.5)  # in the range; half a level more or less and nothing is explained
 VISIBLE = 0.2  # of σ: a finer step is how the file was written, not what the converter does
 
 
@@ -38,9 +38,10 @@ class Quantizer(NoiseEffect):
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield steps of some shares of the range."""
         low, high = look.span(0)
-        for share in SHARES:
-            edit = sites.inserted(0, Steps(step_=float(share * (high - low))))
-            yield edit.candidate("step_", rough=("step_",))
+        for levels in LEVELS:
+            step = float((high - low) / levels)
+            edit = sites.inserted(0, Steps(step_=step))
+            yield edit.candidate("step_", rough=(("step_", step / (2 * levels)),))
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the lattice on which all outputs lie, with log(σ/resolution) nats a sample that it predicts."""

@@ -9,8 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Screened
 from whid.effects._look import Look, Noise
+from whid.effects._sites import Sites
+from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.methods._method import Model
 from whid.record import Record
@@ -19,9 +22,10 @@ from whid.stages._whiten import autoregression, whitened
 from whid.system import System
 from whid.trace._floor import Floor, floor
 from whid.trace._gate import Gate, gate
+from whid.trace._left_over import left_over
 from whid.trace._measure import measured
 from whid.trace._options import Trace
-from whid.trace._refit import Refit, error2, fitted, refit
+from whid.trace._refit import Refit, error2, fitted, polished, refit
 from whid.trace._report import Ranking, ResidualReport
 from whid.trace._selection import Bools, cut
 from whid.trace._verdict import Errors, Found, Step, Verdict, Word
@@ -29,6 +33,10 @@ from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
+STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
+SCATTERED = 3  # of them
+NEAR = 0.05  # of the range of v: how far off a declared breakpoint may be
+BORDERS = ("breaks", "low", "high", "inputs", "at")
 QUIET = 0.01  # p of the gate above which effects of the input are not looked for again
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
 OF_TIME = (
@@ -95,6 +103,7 @@ class _Loop:
                 effects = tuple(e for e in effects if e.place in ("noise", "output", "time") and e.kind in OF_TIME)
         verdict = self.verdict()
         state = self.states[-1] if verdict.verdict in ("explained", "ambiguous") else self.states[0]
+        yield left_over(self.closed_records(), self.states[0].look, state.look, verdict.floor)
         yield self.opened(verdict)
         yield Model(state.look.system, state.estimate, "none")
 
@@ -105,11 +114,41 @@ class _Loop:
         look, estimate = fitted(
             Look(self.system, tuple(seen), (noise,) * len(seen), (0, len(self.system.series)), self.path)
         )
+        if self.floor.dof and error2(look) > STUCK * look.samples:
+            look, estimate = self.best_of(look, estimate)
         if not self.floor.dof:
             for _ in range(3 if self.coloured else 1):
                 look = self.with_noise(look)
                 look, estimate = fitted(look)
         return _State(look, estimate, gate(look))
+
+    def best_of(self, look: Look, estimate: Estimate) -> tuple[Look, Estimate]:
+        """Return the best fit from other starts: a gross error may be a fit that stopped at a wrong place.
+
+        Breakpoints are searched without derivatives, all other numbers absorbing what they can; then all numbers scattered.
+        """
+        starts = []
+        borders = [p.name for p in look.system.tree.parameters() if _head(p.name) in BORDERS]
+        if borders:
+            low, high = look.span((Sites(look.system, look.core).nonlinear or [0])[0])
+            searched = Candidate(
+                look.system, look.core, tuple(borders), (), tuple((b, NEAR * (high - low)) for b in borders)
+            )
+            starts += [polished(look, searched).system]
+        rng = np.random.default_rng(SCATTERED)
+        for _ in range(SCATTERED):
+            free = self.system.tree.parameters()
+            factors = 1 + 0.1 * rng.standard_normal(len(free))
+            moved = {p.name: float(np.clip(p.value * f, p.lower, p.upper)) for p, f in zip(free, factors, strict=True)}
+            starts.append(replace(self.system, chain=self.system.tree.with_parameters(moved).chain))
+        for start in starts:
+            try:
+                other, found = fitted(look.moved(start))
+            except (WhidError, ValueError, np.linalg.LinAlgError):
+                continue
+            if error2(other) < error2(look):
+                look, estimate = other, found
+        return look, estimate
 
     def with_noise(self, look: Look) -> Look:
         """Return the look with each record's noise as its residual shows it."""
@@ -119,7 +158,7 @@ class _Loop:
             white = whitened(np.where(use, error, 0.0)[:, None], use, ar)[:, 0]
             shape = np.ones(len(use)) if noise.shape is None else noise.shape
             noises.append(Noise(max(rms(white[use] / shape[use]), 1e-300), tuple(ar), noise.shape))
-        return replace(look, noises=tuple(noises), _signals={})
+        return replace(look, noises=tuple(noises), _courses={})
 
     def round(self, effects: Sequence[Effect]) -> tuple[Ranking, _State | None]:
         """Screen everything, refit the best few, and say which is to be added."""
@@ -302,3 +341,9 @@ def _ranking(
         column(lambda f, s: f.selection_std if f else nan), tuple(vetoed), taken.effect.name if taken else "",
         good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, NEEDED,
     )  # fmt: skip
+
+
+def _head(name: str) -> str:
+    """Return the field that a number belongs to: `breaks` of chain.1.breaks.0."""
+    parts = name.split(".")
+    return parts[-2] if parts[-1].isdecimal() else parts[-1]

@@ -16,7 +16,7 @@ from whid.fit import Estimate
 from whid.refine import refine
 from whid.signal import Floats
 
-POLISH = 3  # rounds of halving steps over numbers without a derivative that leads
+POLISH = 4  # rounds of halving steps over numbers without a derivative that leads
 
 
 class Refit(NamedTuple):
@@ -97,20 +97,14 @@ def error2(look: Look) -> float:
 def polished(look: Look, candidate: Candidate) -> Candidate:
     """Return the candidate with its rough numbers searched, one after another, by steps that shrink."""
     best, cost = candidate, _cost(look, candidate)
-    width = 0.3
-    for _ in range(POLISH):
-        for name in candidate.rough:
-            for factor in (1 - width, 1 - width / 2, 1 - width / 4, 1 + width / 4, 1 + width / 2, 1 + width):
-                trial = best.at({name: candidate_value(best, name) * factor})
+    for turn in range(POLISH):
+        for name, reach in candidate.rough:
+            width = reach / 4**turn
+            for step in (-width, -width / 2, -width / 4, width / 4, width / 2, width):
+                trial = best.at({name: best.values[name] + step})
                 if (reached := _cost(look, trial)) < cost:
                     best, cost = trial, reached
-        width /= 5
     return best
-
-
-def candidate_value(candidate: Candidate, name: str) -> float:
-    """Return one of the candidate's new numbers."""
-    return candidate.values[name]
 
 
 def _cost(look: Look, candidate: Candidate) -> float:
