@@ -17,7 +17,7 @@ SHARES = (0.002, 0.006, 0.015, 0.04, 0.08, 0.15, 0.3)  # of the range
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(Effect):
-    """A gap: the output rests until the input has crossed it, then follows at half the gap's distance.
+    """A gap: w rests until v has crossed it, then follows: w = v − gap/2 while v rises, w = v + gap/2 while it falls.
 
     Its signature is a difference between up and down branches, and a phase that does not go to 0 with frequency.
     """

@@ -27,6 +27,7 @@ class Kink(Effect):
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield kinks at levels over the inner range of v."""
         for place in sites.static:
+            low, high = look.span(place)
             for at in look.quantiles(place, SHARES):
                 edit = sites.beside(place, Hinge(at=float(at), slope=0.0))
-                yield edit.candidate("at", "slope", amplitude=("slope",))
+                yield edit.candidate("at", "slope", amplitude=("slope",), rough=(("at", (high - low) / 24),))

@@ -41,7 +41,7 @@ class Quantizer(NoiseEffect):
         for levels in LEVELS:
             step = float((high - low) / levels)
             edit = sites.inserted(0, Steps(step_=step))
-            yield edit.candidate("step_", rough=(("step_", step / (2 * levels)),))
+            yield edit.candidate("step_", rough=(("step_", step / levels),))
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the lattice on which all outputs lie, with log(σ/resolution) nats a sample that it predicts."""

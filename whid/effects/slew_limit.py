@@ -14,7 +14,7 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-SAMPLES = (0.9, 1.6, 4.0, 15.0)  # that the largest change of the input takes
+SAMPLES = (0.9, 1.4, 2.1, 3.1, 4.7, 7.0, 10.5, 16.0)  # that the largest change of the input takes
 
 
 @dataclass(frozen=True, kw_only=True)

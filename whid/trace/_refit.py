@@ -39,14 +39,14 @@ def refit(look: Look, starts: Sequence[Screened], iterations: int = 25) -> Refit
     return max(found, key=lambda r: r.gain, default=None)
 
 
-def fitted(look: Look, iterations: int = 40) -> tuple[Look, Estimate]:
-    """Return the look at its own system after a fit of all its free numbers."""
+def fitted(look: Look, iterations: int = 40, held: Sequence[str] = ()) -> tuple[Look, Estimate]:
+    """Return the look at its own system after a fit of all its free numbers but the held ones."""
     if not look.system.tree.parameters():
         none = np.empty(0)
         return look, Estimate((), none, none, np.empty((0, 0)), 0, np.empty((0, 0)), look.chi2, look.samples, 0, "linear")
     found = refine(
         look.system, look.records, path=look.path, std=[n.std for n in look.noises],
-        ar=[n.ar for n in look.noises], max_iterations=iterations,
+        ar=[n.ar for n in look.noises], max_iterations=iterations, fixed=held,
     )  # fmt: skip
     return look.moved(found.system), found.estimate
 
@@ -56,12 +56,14 @@ def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
     if start.told is not None:
         return _noisier(look, start, start.told, iterations)
     try:
-        if candidate.rough:
+        rough = tuple(name for name, _ in candidate.rough)
+        if rough:
             candidate = polished(look, candidate)
-        after, estimate = fitted(look.moved(candidate.system, candidate.core), iterations)
-        if candidate.rough:
+        after, estimate = fitted(look.moved(candidate.system, candidate.core), iterations, rough)
+        if rough:
             candidate = polished(after, candidate._replace(system=after.system))
-            after, estimate = fitted(after.moved(candidate.system), iterations)
+            after, _ = fitted(after.moved(candidate.system), iterations, rough)
+            after, estimate = fitted(after, 0)  # the covariance of all of them
     except (WhidError, ValueError, np.linalg.LinAlgError):
         return None
     chi2 = error2(after)
