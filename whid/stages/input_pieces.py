@@ -20,6 +20,7 @@ POLISHED = 6  # starts of a piece that are fitted
 KEPT = 5  # readings of the pieces so far that are followed
 HOPELESS = 40.0  # χ² above the best at which a reading is dropped
 SLOPES = np.concatenate([-np.geomspace(0.03, 10.0, 26)[::-1], np.geomspace(0.03, 10.0, 26)])  # of the anchor's
+UNEXPLAINED = 1e-4  # p of χ² below which the readings are in doubt; the noise has some 36 degrees of freedom itself
 UNSURE = 3.0  # standard errors of a level within which f may turn without being seen
 
 
@@ -74,6 +75,14 @@ class InputPieces(NamedTuple):
             said.append(
                 f"piece about u = {self.centre[k]:.4g}: x = {others} gives the same levels as {self.value[k]:.4g}; a square "
                 "wave between it and the anchor tells them apart"
+            )
+        from scipy.special import chdtrc
+
+        e = self.estimate
+        if e.dof > 0 and chdtrc(e.dof, e.chi2) < UNEXPLAINED:
+            said.append(
+                f"piece not resolved, or read wrongly: levels and sines together are not explained, χ²/dof "
+                f"{e.reduced_chi2:.3g}; hold longer, or average more periods"
             )
         return tuple(said)
 
