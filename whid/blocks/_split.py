@@ -269,7 +269,7 @@ def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
 def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
     tau = (low + high) / 2
-    low, high = low.copy(), high.copy()
+    low, high, last = low.copy(), high.copy(), np.ones(len(tau))
     open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
     target = np.broadcast_to(target, tau.shape)
     for _ in range(60):
@@ -281,9 +281,12 @@ def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, 
         low[open_], high[open_] = np.where(above, low[open_], here), np.where(above, here, high[open_])
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = here - error / _evaluate(slope[:, open_], here)
+        step = np.abs(newton - here)  # rounding may put the last one just outside the bracket, or keep it from shrinking
+        there = (step <= 1e-15) | ((step <= 1e-12) & (step >= last[open_]))
+        last[open_] = step
         inside = (newton >= low[open_]) & (newton <= high[open_])
-        tau[open_] = np.where(inside, newton, (low[open_] + high[open_]) / 2)
-        open_ = open_[np.abs(tau[open_] - here) > 1e-15]
+        tau[open_] = np.where(there, here, np.where(inside, newton, (low[open_] + high[open_]) / 2))
+        open_ = open_[~there & (np.abs(tau[open_] - here) > 1e-15)]
     return np.asarray(tau)
 
 
