@@ -11,7 +11,6 @@ import numpy as np
 from annotated_types import Ge, MaxLen, MinLen
 
 from whid.blocks._static import Static
-from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.methods._method import Method, Stages
@@ -28,6 +27,7 @@ from whid.stages.cascade_fit import Window, bic, cascade_fit, errors, gauged, kn
 from whid.stages.descent import Step, descent
 from whid.stages.interference import interference
 from whid.stages.linear_fit import LinearFit, alternatives, linear_fit, matched
+from whid.stages.linear_in_time import linear_in_time
 from whid.stages.noise_floor import noise_floor
 from whid.stages.static_curves import static_curves
 from whid.stages.structures import better, named, structures
@@ -35,6 +35,7 @@ from whid.stages.two_curves import Between, two_curves
 from whid.system import System
 
 FEW, SOME = 10_000, 20_000  # samples of the first and of the second descent
+LEAD = 6  # parts of a short record, the first of which its filters may settle in
 LAST = 60  # iterations of the last descent, at most
 FINALISTS = 2  # splits that are refined with more knots; one more where structures compete
 FASTEST = 8  # times the record's rate, at most
@@ -171,6 +172,9 @@ class Parametric(Method):
         if not fits and data.samples < SHORT:
             bla = local_polynomial(*data.signals[0], data.dt)
             fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
+        if not fits and data.samples < SHORT:
+            data.lead = data.longest // LEAD
+            fits = [linear_in_time(data.every(), total, data.dt) for total in totals if total]
         fits = fits or [linear_fit(bla, totals, rng)]  # its fault says what is wrong
         return bla, sorted(fits, key=lambda fit: float(fit.bic.min()))[:3]
 
@@ -300,11 +304,10 @@ def _roots(data: Windows, fit: LinearFit, bla: BestLinear) -> Iterator[tuple[Com
     """
     yield from alternatives(fit, bla)
     if data.samples < SHORT:
-        line = Polynomial(coefficients=(0.0, fit.gain))
-        start = Cascade((Filter.of_roots(fit.zeros[: len(fit.poles)], fit.poles), line))
-        front = cascade_fit(data.every(), start, 100)[0].parts[0]
-        assert isinstance(front, Filter)
-        yield np.roots(front.num_z).astype(complex), np.roots(front.den_z).astype(complex)
+        start = Filter.of_roots(fit.zeros[: len(fit.poles)], fit.poles)
+        able = np.all(np.isfinite(np.concatenate(start))) and start.stable
+        found = linear_in_time(data.every(), len(fit.poles), data.dt, [start] if able else [])
+        yield found.zeros, found.poles
 
 
 def _has(records: Sequence[Record], use: str) -> bool:
