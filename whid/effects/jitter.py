@@ -25,6 +25,8 @@ class Jitter(NoiseEffect):
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the tremble that makes the residual likeliest."""
+        if any(noise.kind == "jitter" for noise in look.system.noise):
+            return None
         f = tuple(np.gradient(p, r.dt) ** 2 for p, r in zip(look.predicted, look.records, strict=True))
         every = np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)])
         if not every.any():

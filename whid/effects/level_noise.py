@@ -25,6 +25,8 @@ class LevelNoise(NoiseEffect):
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the share of the output that makes the residual likeliest."""
+        if any(noise.kind == "level" for noise in look.system.noise):
+            return None
         f = tuple(p**2 for p in look.predicted)
         found = variances(stacked_errors(look), np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)]))
         std = float(np.sqrt(found.share))

@@ -31,7 +31,8 @@ class ProcessNoise(NoiseEffect):
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the size of w that makes the residual likeliest, by Whittle's likelihood block by block."""
-        if not sites.static:
+        coloured = any(len(noise.ar) for noise in look.noises)  # a declared colour cannot be told from that of the back
+        if not sites.static or coloured or any(noise.kind == "process" for noise in look.system.noise):
             return None
         place = sites.static[0]
         behind = sites.blocks[place + 1 : sites.core[1]]
