@@ -330,6 +330,22 @@ CATALOGUE: dict[str, Explanation] = {
         "Move the sine's offset, or make it larger, so that the curve is not symmetric about its middle.",
         FAILED,
     ),
+    "method-no-sines": Explanation(
+        "The method needs sines about zero, with two settled periods or more, and the records have none for it.",
+        "Add `{kind: sine, offset: 0, …}` with `use: estimation` and more periods; declare the sines of measured data.",
+        FAILED,
+    ),
+    "method-constant-output": Explanation(
+        "The sines do not move the output: each stays within the backlash, or the borders never let it move.",
+        "Try several amplitudes, an offset, lower frequencies. Where the rising border lies above the falling one, no sine "
+        "moves it at any amplitude: start it from another side, with a step far beyond the working range.",
+        FAILED,
+    ),
+    "method-few-frequencies": Explanation(
+        "The frequency response was measured at too few frequencies for a transfer function.",
+        "Add sines at three frequencies or more; the response and the borders that were found are kept.",
+        FAILED,
+    ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
         "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",
