@@ -82,7 +82,7 @@ class _Loop:
     coloured: bool = field(init=False)
 
     def run(self) -> Iterator[Any]:
-        closed = [r.without("report") if r.using("report").any() else r for r in self.records]
+        closed = self.closed_records()
         seen, self.selection = cut(closed)
         self.coloured = any(noise.kind == "ar" for noise in self.system.noise)
         self.floor = floor(closed, self.coloured)
@@ -177,7 +177,7 @@ class _Loop:
             found = refit(look, starts[: 1 if best and self.clean(best) else STARTS])
             if found is not None:
                 fits.append(found if found.told else self.ranked_by_selection(look, found))
-        good = sorted((f for f in fits if not self.vetoed(f)), key=lambda f: -f.gain)
+        good = self.in_order([f for f in fits if not self.vetoed(f)])
         taken = good[0] if good and good[0].gain > NEEDED else None
         ranking = _ranking(ranked, fits, [f.effect.name for f in fits if self.vetoed(f)], taken, good)
         if taken is None:
@@ -185,6 +185,19 @@ class _Loop:
         rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS)
         after = taken.look if self.floor.dof or taken.told else self.with_noise(taken.look)
         return ranking, _State(after, taken.estimate, gate(after), taken, rivals)
+
+    def in_order(self, fits: Sequence[Refit]) -> list[Refit]:
+        """Return refits, the best first: by likelihood where the noise was measured.
+
+        Where no period repeats, the last model's misfit passes for noise and likelihoods compare misfits: a free course in
+        time fits any of them. Then the gain on selection data decides, and where that does not, the fewer numbers.
+        """
+        by_gain = sorted(fits, key=lambda f: -f.gain)
+        if self.floor.dof or not fits or any(f.told for f in fits):
+            return by_gain
+        best = max(fits, key=lambda f: f.selection)
+        worse = best.selection - best.selection_std
+        return sorted(by_gain, key=lambda f: (f.selection < worse, len(f.candidate.new)))
 
     def clean(self, found: Refit) -> bool:
         """Tell whether a refit leaves nothing that answers to the input."""
@@ -204,7 +217,9 @@ class _Loop:
         return found._replace(selection=total, selection_std=float(np.sqrt(change2)))
 
     def closed_records(self) -> list[Record]:
-        return [r.without("report") if r.using("report").any() else r for r in self.records]
+        """Return what the loop may see: records without their report samples, those that are all report left out."""
+        closed = [r.without("report") if r.using("report").any() else r for r in self.records]
+        return [r for r in closed if (r.using("estimation") | r.using("selection")).any()]
 
     def vetoed(self, found: Refit) -> bool:
         """Tell whether selection data speak against a refit: a loss that chance would not make."""
@@ -225,7 +240,11 @@ class _Loop:
             before = self.states[k - 1].look
             starts = last.effect.screen(before)
             alone = refit(before, starts[:STARTS]) if starts else None
-            if alone is not None and alone.chi2 - error2(self.states[-1].look) < 2 * NEEDED:
+            both = self.states[-1].look
+            if (
+                alone is not None
+                and error2(replace(alone.look, noises=both.noises, _courses={})) - error2(both) < 2 * NEEDED
+            ):
                 state = _State(alone.look, alone.estimate, gate(alone.look), alone)
                 self.states = [*self.states[:k], state]
                 return

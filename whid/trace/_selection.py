@@ -14,13 +14,14 @@ from whid.record import Record
 
 Bools = NDArray[np.bool_]
 SHARE = 6  # of a part: one block in so many is kept back
-SHORT = 60  # samples of a part: nothing is cut from a shorter one
+SHORT = 60  # samples of a part: a shorter one is not cut
 
 
 def cut(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Bools, ...]]:
     """Return the records as the fit may see them, and where the samples that rank are.
 
     Of a periodic part a whole period, of any other one block, inside the part: what comes before and after it was fitted.
+    Of parts too short for that, such as the levels of a quick staircase, one in six is kept back whole.
     """
     if any(record.using("selection").any() for record in records):
         return tuple(records), tuple(r.using("selection") & np.isfinite(r.y) for r in records)
@@ -33,9 +34,13 @@ def _kept(record: Record) -> Bools:
     spans: list[tuple[int, int, Part | None]] = [
         (p.start or 0, p.stop or 0, p) for p in record.parts if p.use == "estimation"
     ]
+    short = 0
     for start, stop, part in spans or [(0, len(record), None)]:
         if stop - start >= SHORT:
             kept[_block(start, stop, part)] = True
+        else:
+            kept[start:stop] = short % SHARE == SHARE // 2
+            short += 1
     return kept
 
 
