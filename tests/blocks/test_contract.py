@@ -20,7 +20,9 @@ SAMPLES = 30
 
 
 def length(block: Block) -> int:
-    return 14 if block.kind == "feedback" else SAMPLES  # a loop goes sample by sample
+    if block.kind != "feedback":
+        return SAMPLES
+    return 6 if block.solve == "continuous" else 14  # a loop goes sample by sample, or round and round until it closes
 
 
 def wave(seed: int, course: str, samples: int = SAMPLES, t0: float = 0.0, order: int = 8):

@@ -14,7 +14,10 @@ from whid.effects._look import Look, Noise
 from whid.predict import predict
 from whid.trace._refit import fitted, refit
 
-CASES = [pytest.param(example, id=name) for name, example in EXAMPLES.items()]
+CASES = [
+    pytest.param(example, id=name, marks=[pytest.mark.slow] if name.startswith("feedback") else [])  # a quarter of a minute
+    for name, example in EXAMPLES.items()
+]
 ALL = [f"{kind}@{place}" for kind in Effect.kinds() for place in Effect.named(kind).places]
 
 
