@@ -177,7 +177,7 @@ class _Loop:
             found = refit(look, starts[: 1 if best and self.clean(best) else STARTS])
             if found is not None:
                 fits.append(found if found.told else self.ranked_by_selection(look, found))
-        good = self.in_order([f for f in fits if not self.vetoed(f)])
+        good = self.in_order([f for f in fits if not self.vetoed(f) and not f.entangled])
         taken = good[0] if good and good[0].gain > NEEDED else None
         ranking = _ranking(ranked, fits, [f.effect.name for f in fits if self.vetoed(f)], taken, good)
         if taken is None:

@@ -16,6 +16,7 @@ from whid.fit import Estimate
 from whid.refine import refine
 from whid.signal import Floats
 
+ENTANGLED = 0.9999  # correlation: such numbers are a hundred times as uncertain together as one alone
 POLISH = 4  # rounds of halving steps over numbers without a derivative that leads
 
 
@@ -31,6 +32,18 @@ class Refit(NamedTuple):
     selection: float = 0.0  # nats gained on the selection data
     selection_std: float = 0.0
     told: Told | None = None
+
+    @property
+    def entangled(self) -> bool:
+        """Tell whether a number of the effect and one of the model only undo each other: a pair that data cannot part."""
+        if self.told is not None:
+            return False
+        e, new = self.estimate, set(self.candidate.new)
+        own = np.array([name in new for name in e.names])
+        size = np.sqrt(np.diag(e.covariance))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            correlation = np.abs(e.covariance / np.outer(size, size))[np.ix_(own, ~own)]
+        return bool(np.any(correlation > ENTANGLED))
 
 
 def refit(look: Look, starts: Sequence[Screened], iterations: int = 25) -> Refit | None:
