@@ -48,6 +48,15 @@ def test_the_noise_gate_exactly_as_the_job_runs_it(tmp_path):
     judged(*gate(tmp_path))
 
 
+@pytest.mark.slow
+def test_the_tables_are_as_expected_as_the_job_checks_them(tmp_path):
+    (line,) = [line for line in STEPS if "whid table" in line]
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    command = [sys.executable, "-m", "whid", *shlex.split(line)[1:]]
+    run = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
 def test_a_breached_bound_is_a_failure_for_the_job(tmp_path):
     run, page, junit = gate(
         tmp_path, "--set", "sweep.repeats=1", "--set", "sweep.over={plant.noise.std: [0.5]}",

@@ -28,7 +28,7 @@ def draw(run: Any, figure: Figure) -> None:
         time.axhline(side, color="black", lw=0.7, ls=":")
     time.set_xlabel("time, s")
     time.set_ylabel(label("output − model", unit))
-    time.legend(loc="best", ncols=2)
+    time.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     _binned(amplitude, found, unit)
     _branches(branch, found, unit)
     _spectrum(lines, found, unit)
