@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt
 
 from whid.errors import WhidError
 from whid.methods import _assemble as assemble
+from whid.methods._ask_levels import ask_levels
 from whid.methods._method import Method, Model, Stages
 from whid.methods._sines import (
     ChainData,
@@ -27,6 +28,7 @@ from whid.methods._sines import (
 from whid.methods._whole import whole_record
 from whid.predict import input_signal
 from whid.record import Record
+from whid.signal import Floats
 from whid.stages.branches import branch_gap
 from whid.stages.harmonic_floor import harmonic_floor
 from whid.stages.identifiability import identifiability
@@ -77,24 +79,30 @@ class WienerHammerstein(Method):
         settles = [settle_time([v.y for v in same], dt) for dt, same in rates.items()]
         yield from settles
         seconds = self.settle_s or max(settle.settle for settle in settles)
-        curves = {dt: _levels(same, dt, seconds) for dt, same in rates.items()}
-        curve = assemble.joined(list(curves.values()))
+        more, vain = yield from ask_levels(records, lambda known: self._read(known, seconds)[1:])
+        records = [*records, *more]
+        noise, curve, pieces = self._read(records, seconds)
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
             yield branch_gap(curve)
-        pieces = segment(curve, max_degree=self.degree)
         yield pieces
-        sines = gather(records, seconds, self.harmonics, {dt: one.ar for dt, one in curves.items()})
+        sines = gather(records, seconds, self.harmonics, noise)
         for sine in sines:
             yield sine.harmonics
         heard = [sine for sine in sines if sine.harmonics.heard]
-        said = _left_out(records, settles, sines, heard)
+        said = _left_out(records, settles, sines, heard) + tuple(vain)
         if heard:
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
             yield from self._from_sines(records, curve, pieces, heard, orders, said)
         else:
             yield from self._from_steps(records, curve, pieces, seconds, said)
+
+    def _read(self, records: Sequence[Record], settle: float) -> tuple[dict[float, Floats], StaticCurve, Segmentation]:
+        """Return the noise's autoregression by sampling time, the static curve, and its pieces."""
+        curves = {dt: _levels(same, dt, settle) for dt, same in assemble.by_rate(assemble.visits(records)).items()}
+        curve = assemble.joined(list(curves.values()))
+        return {dt: one.ar for dt, one in curves.items()}, curve, segment(curve, max_degree=self.degree)
 
     def _from_sines(
         self,

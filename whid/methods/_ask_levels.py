@@ -1,0 +1,60 @@
+"""Levels that a staircase method asks for: in the gaps of borders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from typing import Any
+
+import numpy as np
+
+from whid.experiments.hold import Hold
+from whid.methods import _assemble as assemble
+from whid.methods._method import Answered, Wanted
+from whid.record import Record
+from whid.stages.bisection import Bisection, side, wide
+from whid.stages.levels import StaticCurve
+from whid.stages.segmentation import Segmentation
+
+Read = Callable[[Sequence[Record]], tuple[StaticCurve, Segmentation]]
+Asking = Generator[Any, Record | None, tuple[list[Record], list[str]]]
+
+
+def ask_levels(records: Sequence[Record], read: Read) -> Asking:
+    """Ask for levels in the gaps of all borders at once, one a border and round, until they are narrow or nobody answers.
+
+    Returns the records that answered, and what was asked in vain. Source [PAPERS A, build 3].
+    """
+    curve, pieces = read(records)
+    span, std, hold_s = float(np.ptp(curve.level)), float(np.median(curve.mean_std)), _hold(records)
+    unclear = wide(pieces, span, std)
+    gaps = pieces.borders.copy()
+    count, sure = np.zeros(len(gaps), int), np.ones(len(gaps), bool)
+    new: list[Record] = []
+    vain: list[str] = []
+    while active := [k for k in wide(pieces._replace(borders=gaps), span, std) if sure[k]]:
+        middle = gaps[active].mean(axis=1)
+        where = ", ".join(f"{low:.6g} … {high:.6g}" for low, high in gaps[active])
+        reason = f"f has a border somewhere in {where}: a level in the middle"
+        predicted = float(np.diff(gaps[active], axis=1).max()) / 2 / np.sqrt(12)
+        plan = tuple(Hold(level=float(u), hold_s=hold_s) for u in middle)
+        answer = yield Wanted(plan, reason, predicted, "a border of f, input")
+        if answer is None:
+            vain.append(f"where f has its border within {where}: no level in the middle was measured")
+            break
+        new.append(answer)
+        curve, _ = read([*records, *new])
+        for k, u in zip(active, middle, strict=True):
+            at = int(np.flatnonzero(np.isclose(curve.level, u, rtol=0, atol=1e-9 * span))[-1])
+            way = side(pieces, k, float(u), float(curve.mean[at]), float(curve.mean_std[at]))
+            sure[k] = way != 0
+            gaps[k, 0 if way < 0 else 1] = u if way else gaps[k, 0 if way < 0 else 1]
+            count[k] += 1
+        yield Answered("borders in " + ", ".join(f"{low:.6g} … {high:.6g}" for low, high in gaps[active]))
+    if new:
+        yield Bisection(pieces.borders[unclear], gaps[unclear], count[unclear], sure[unclear])
+    return new, vain
+
+
+def _hold(records: Sequence[Record]) -> float:
+    """Return how long a level is held, s."""
+    return float(np.median([visit.dt * len(visit.y) for visit in assemble.visits(records)]))
