@@ -54,7 +54,7 @@ def killed(config, out, rng, *more):
 
 
 def test_killed_at_random_and_resumed_agrees_bit_for_bit(config, tmp_path):
-    more = "sweep.repeats=30"
+    more = "sweep.repeats=12"
     whole = sweep(config, tmp_path / "whole", [more])
     rng, before = np.random.default_rng(6), 0
     for _ in range(2):
