@@ -38,10 +38,14 @@ def command(
     from whid.cli._gate import tell
     from whid.sweep import sweep
 
-    with _Bar() as bar:
-        found = sweep(
-            config, out, overrides, jobs=jobs, scheduler=scheduler, force=force, fail_fast=fail_fast, watch=bar
-        )  # fmt: skip
+    try:
+        with _Bar() as bar:
+            found = sweep(
+                config, out, overrides, jobs=jobs, scheduler=scheduler, force=force, fail_fast=fail_fast, watch=bar
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        click.echo("what is finished is kept: the same command goes on, `whid list` shows how far it is", err=True)
+        raise
     code = report(found, as_json)
     tell(found.name, found.checks, [found.table(), found.failures()], code, summary, junit)
     return code
