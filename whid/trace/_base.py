@@ -1,0 +1,70 @@
+"""The declared model, fitted: its structure is trusted, its numbers are start values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from whid.effects._candidate import Candidate
+from whid.effects._look import Look, Noise
+from whid.effects._sites import Sites
+from whid.errors import WhidError
+from whid.fit import Estimate
+from whid.system import System
+from whid.trace._gate import gate
+from whid.trace._refit import error2, fitted, polished
+from whid.trace._state import Data, State, with_noise
+
+STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
+SCATTERED = 3  # of them
+NEAR = 0.05  # of the range of v: how far off a declared breakpoint may be
+BORDERS = ("breaks", "low", "high", "inputs", "at")
+
+
+def base(system: System, data: Data, path: str) -> State:
+    """Return the declared model fitted, the noise with it."""
+    known = data.floor.dof > 0
+    noise = Noise(data.floor.std, tuple(data.floor.ar)) if known else Noise()
+    count = len(data.seen)
+    look, estimate = fitted(Look(system, data.seen, (noise,) * count, (0, len(system.series)), path))
+    if known and error2(look) > STUCK * look.samples:
+        look, estimate = _best_of(system, look, estimate)
+    if not known:
+        for _ in range(3 if data.coloured else 1):
+            look = with_noise(look, data.coloured)
+            look, estimate = fitted(look)
+    return State(look, estimate, gate(look))
+
+
+def _best_of(system: System, look: Look, estimate: Estimate) -> tuple[Look, Estimate]:
+    """Return the best fit from other starts: a gross error may be a fit that stopped at a wrong place.
+
+    Breakpoints are searched without derivatives, all other numbers absorbing what they can; then all numbers scattered.
+    """
+    starts = []
+    borders = [p.name for p in look.system.tree.parameters() if _head(p.name) in BORDERS]
+    if borders:
+        low, high = look.span((Sites(look.system, look.core).nonlinear or [0])[0])
+        searched = Candidate(look.system, look.core, tuple(borders), (), tuple((b, NEAR * (high - low)) for b in borders))
+        starts += [polished(look, searched).system]
+    rng = np.random.default_rng(SCATTERED)
+    for _ in range(SCATTERED):
+        free = system.tree.parameters()
+        factors = 1 + 0.1 * rng.standard_normal(len(free))
+        moved = {p.name: float(np.clip(p.value * f, p.lower, p.upper)) for p, f in zip(free, factors, strict=True)}
+        starts.append(replace(system, chain=system.tree.with_parameters(moved).chain))
+    for start in starts:
+        try:
+            other, found = fitted(look.moved(start))
+        except (WhidError, ValueError, np.linalg.LinAlgError):
+            continue
+        if error2(other) < error2(look):
+            look, estimate = other, found
+    return look, estimate
+
+
+def _head(name: str) -> str:
+    """Return the field that a number belongs to: `breaks` of chain.1.breaks.0."""
+    parts = name.split(".")
+    return parts[-2] if parts[-1].isdecimal() else parts[-1]

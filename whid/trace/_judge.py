@@ -1,0 +1,95 @@
+"""What is said of the way the loop went: the residual at its start, the verdict at its end, then the report, once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from whid.signal import rms
+from whid.trace._measure import measured
+from whid.trace._refit import Refit
+from whid.trace._report import ResidualReport
+from whid.trace._state import Data, State
+from whid.trace._verdict import Errors, Found, Step, Verdict, Word
+
+MOST = 0.5  # of what was left over: what an effect must explain to be named
+
+
+def residual_report(state: State, data: Data) -> ResidualReport:
+    """Return what a state leaves over and where it lives."""
+    look, tests = state.look, state.gate.tests
+    pairs = zip(data.closed, look.predicted, data.selection, strict=True)
+    selection = np.concatenate([(r.y - p)[keep] for r, p, keep in pairs])
+    errors = state.left
+    std, origin = noise_level(state, data)
+    return ResidualReport(
+        rms(errors), rms(selection), std, origin, rms(errors) / std, state.gate.p, tuple(t.name for t in tests),
+        np.array([t.statistic for t in tests]), np.array([t.p for t in tests]), tuple(t.where for t in tests),
+    )  # fmt: skip
+
+
+def noise_level(last: State, data: Data) -> tuple[float, str]:
+    """Return σ of the noise on y, and where it comes from."""
+    if data.floor.dof:
+        return data.floor.std, f"from the scatter of repeated periods, {data.floor.dof} degrees of freedom"
+    return rms(last.left), "assumed: the last model's residual is taken for noise, since no period repeats"
+
+
+def judged(states: Sequence[State], data: Data) -> Verdict:
+    """Say what is missing, the report still closed."""
+    first, last = states[0], states[-1]
+    std, origin = noise_level(last, data)
+    steps = states[1:]
+    found = tuple(_found(s.added) for s in steps if s.added is not None)
+    rivals = tuple((f.effect.kind, f.effect.place) for f in last.rivals) if steps else ()
+    before, after = first.excess(std), last.excess(std)
+    explained = 1 - after / before if before > 0 else 1.0
+    leads: tuple[Found, ...] = ()
+    word: Word
+    if not steps and not first.dirty:
+        word = "nothing missing"
+        sentence = "nothing missing: the residual is noise, and no effect would pay for its numbers"
+    elif not steps or (last.dirty and explained < 1 - MOST / 2):
+        word, leads, found, rivals = "unattributed", found, (), ()
+        sentence = f"unattributed: {last.gate.words}"
+        if leads:
+            sentence += f"; leads, each a part only: {', '.join(f.name for f in leads)}"
+    elif rivals:
+        word = "ambiguous"
+        sentence = f"ambiguous: {found[-1].name} or {' or '.join(f'{k}@{p}' for k, p in rivals)}"
+    else:
+        word, sentence = "explained", f"explained: {'; '.join(f'{f.name} ({f.words})' for f in found)}"
+    blank = Errors(*([float("nan")] * 6))
+    return Verdict(
+        word, sentence, found, rivals, leads, "", blank, blank, std, origin, first.gate.p, last.gate.p, (), float("nan")
+    )
+
+
+def opened(verdict: Verdict, states: Sequence[State], data: Data, path: str) -> Verdict:
+    """Return the verdict with the errors before and after: the one time that report data are looked at."""
+    on = "report" if any(r.using("report").any() for r in data.records) else "estimation"
+    kept = states if verdict.verdict in ("explained", "ambiguous") else states[:1]
+    steps = tuple(
+        Step(
+            "as declared, refitted" if s.added is None else f"+ {s.added.effect.name}",
+            0.0 if s.added is None else s.added.gain, on,
+            measured(s.look.system, data.records, on, verdict.floor, path),
+        )
+        for s in kept
+    )  # fmt: skip
+    return verdict._replace(on=on, before=steps[0].errors, after=steps[-1].errors, steps=steps)
+
+
+def _found(added: Refit) -> Found:
+    if added.told is not None:
+        return Found(added.effect.kind, added.effect.place, added.told.numbers, added.told.std)
+    values = added.candidate.values
+    std = dict(zip(added.estimate.names, added.estimate.std.tolist(), strict=True))
+    short = {
+        name: ".".join(name.split(".")[-2:]) if name.split(".")[-1].isdecimal() else name.split(".")[-1] for name in values
+    }
+    return Found(
+        added.effect.kind, added.effect.place, {short[n]: float(v) for n, v in values.items()},
+        {short[n]: float(std.get(n, float("nan"))) for n in values},
+    )  # fmt: skip

@@ -1,0 +1,120 @@
+"""One round: screen every effect, refit the best few, say which is to be added."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from whid.effects._effect import Effect, Screened
+from whid.effects._look import Look
+from whid.signal import Floats
+from whid.stages._whiten import whitened
+from whid.trace._gate import gate
+from whid.trace._refit import Refit, refit
+from whid.trace._report import Ranking
+from whid.trace._state import Data, State, reached
+
+NEEDED = 10.0  # nats that an effect must gain beyond its penalty
+FINALISTS = 4  # effects that are refitted in a round
+STARTS = 2  # of each
+CERTAIN = ("dropouts", "quantizer")  # seen without a model
+PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
+BEHIND = 0.25  # of the best score: what promises less is not refitted
+CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
+
+
+class Round(NamedTuple):
+    """What competed, and the model with what won; None: nothing pays for its numbers."""
+
+    ranking: Ranking
+    state: State | None
+
+
+def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
+    """Screen everything, refit the best few, and say which is to be added."""
+    look = here.look
+    ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: -s[0].gain)
+    fits: list[Refit] = []
+    for starts in ranked:
+        first = starts[0]
+        if first.told is not None and here.dirty and first.effect.kind not in CERTAIN:
+            continue  # what answers to the input is no noise
+        best = max(fits, key=lambda f: f.gain, default=None)
+        if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
+            break
+        found = refit(look, starts[: 1 if best and _clean(best) else STARTS])
+        if found is not None:
+            fits.append(found if found.told else _on_selection(look, found, data))
+    good = _in_order([f for f in fits if not _vetoed(f) and not f.entangled], data)
+    taken = good[0] if good and good[0].gain > NEEDED else None
+    ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good)
+    if taken is None:
+        return Round(ranking, None)
+    rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS)
+    return Round(ranking, reached(taken, data, rivals))
+
+
+def _in_order(fits: Sequence[Refit], data: Data) -> list[Refit]:
+    """Return refits, the best first: by likelihood where the noise was measured.
+
+    Where no period repeats, the last model's misfit passes for noise and likelihoods compare misfits: a free course in
+    time fits any of them. Then the gain on selection data decides, and where that does not, the fewer numbers.
+    """
+    by_gain = sorted(fits, key=lambda f: -f.gain)
+    if data.floor.dof or not fits or any(f.told for f in fits):
+        return by_gain
+    best = max(fits, key=lambda f: f.selection)
+    worse = best.selection - best.selection_std
+    return sorted(by_gain, key=lambda f: (f.selection < worse, len(f.candidate.new)))
+
+
+def _clean(found: Refit) -> bool:
+    """Tell whether a refit leaves nothing that answers to the input."""
+    tested = gate(found.look)
+    return tested.p >= tested.threshold
+
+
+def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
+    """Return the refit with its gain on selection data and that gain's standard error."""
+    total, change2 = 0.0, 0.0
+    for r, old, new, keep, noise in zip(
+        data.closed, before.predicted, found.look.predicted, data.selection, found.look.noises, strict=True
+    ):
+        columns = np.stack([r.y - old, r.y - new], axis=1)
+        white = whitened(np.where(keep[:, None], columns, 0.0), keep, np.array(noise.ar))[keep] / noise.std
+        total += float(white[:, 0] @ white[:, 0] - white[:, 1] @ white[:, 1]) / 2
+        change2 += float(np.sum((white[:, 0] - white[:, 1]) ** 2))
+    return found._replace(selection=total, selection_std=float(np.sqrt(change2)))
+
+
+def _vetoed(found: Refit) -> bool:
+    """Tell whether selection data speak against a refit: a loss that chance would not make."""
+    expected = found.selection_std**2 / 2
+    return found.selection < -1.0 and found.selection < expected - 2.5 * found.selection_std
+
+
+def _ranking(
+    ranked: Sequence[Sequence[Screened]], fits: Sequence[Refit], vetoed: Sequence[str], taken: Refit | None,
+    good: Sequence[Refit],
+) -> Ranking:  # fmt: skip
+    by_name = {f.effect.name: f for f in fits}
+    rows = sorted(
+        ranked, key=lambda s: -(by_name[s[0].effect.name].gain if s[0].effect.name in by_name else s[0].gain - 1e9)
+    )
+    names = tuple(s[0].effect.name for s in rows)
+    n = taken.look.samples if taken else (fits[0].look.samples if fits else 1)
+
+    def column(value: Any) -> Floats:
+        return np.array([value(by_name.get(s[0].effect.name), s[0]) for s in rows], float)
+
+    nan = float("nan")
+    count = column(lambda f, s: len(s.candidate.new))
+    tried = column(lambda f, s: s.candidate.tried)
+    return Ranking(
+        names, count, tried, count / 2 * np.log(n) + np.log(tried), column(lambda f, s: s.gain),
+        column(lambda f, s: f.gain if f else nan), column(lambda f, s: f.selection if f else nan),
+        column(lambda f, s: f.selection_std if f else nan), tuple(vetoed), taken.effect.name if taken else "",
+        good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, NEEDED,
+    )  # fmt: skip
