@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from whid.blocks._block import Block, State
 from whid.errors import WhidError
 from whid.fit import Parameter, least_squares
-from whid.record import Record
+from whid.record import CHUNK, Record
 from whid.signal import Floats, Signal, held
-
-CHUNK = 1 << 15  # samples: the panels of a chunk stay in the cache
 
 
 def respond(tree: Block, u: Signal, initial: str = "rest", state: State = None) -> tuple[Floats, State]:
@@ -28,6 +26,37 @@ def respond(tree: Block, u: Signal, initial: str = "rest", state: State = None) 
         out, state = tree.step(u[part], state)
         y[part] = out.values
     return y, state
+
+
+def respond_to(tree: Block, inputs: Iterable[Signal], initial: str = "rest", state: State = None) -> Iterator[Floats]:
+    """Yield the output samples of a tree to an input in chunks, as `respond` does for a whole one."""
+    for u in inputs:
+        if state is None and initial != "rest":
+            state = tree.steady(float(u.values[0]), u.dt)[1]
+        out, state = tree.step(u, state)
+        yield out.values
+
+
+def signals(inputs: Iterable[Floats], dt: float, intersample: str, t0: float, order: int) -> Iterator[Signal]:
+    """Yield an input in chunks as signals; straight lines (foh) reach for the first sample of the next chunk.
+
+    Raises `WhidError("memory")` for a band-limited input: what it does between two samples hangs on all.
+    """
+    if intersample == "bandlimited":
+        raise WhidError("memory", "a band-limited input is interpolated as a whole: not in chunks", "intersample")
+    if intersample != "foh":
+        start = 0
+        for u in inputs:
+            yield held(u, dt, intersample, t0 + start * dt, order)
+            start += len(u)
+        return
+    start, last = 0, np.empty(0)
+    for u in inputs:
+        if len(last):
+            yield held(np.append(last, u[:1]), dt, intersample, t0 + start * dt, order)[: len(last)]
+            start += len(last)
+        last = u
+    yield held(last, dt, intersample, t0 + start * dt, order)
 
 
 def predict(tree: Block, record: Record, path: str = "exact") -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,15 @@ from whid.signal import Floats
 
 Intersample = Literal["zoh", "foh", "bandlimited", "discrete"]
 Initial = Literal["rest", "steady", "free"]
+CHUNK = 1 << 15  # samples: what a chain makes of a chunk stays in the cache
+
+
+class Chunk(NamedTuple):
+    """Some samples of a record, from number `start` on; y is NaN where it is missing or not to be seen."""
+
+    start: int
+    u: Floats
+    y: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,13 @@ class Record:
         """Return `valid`, all true where nothing is missing."""
         return np.ones(len(self), bool) if self.valid is None else self.valid
 
+    def chunks(self, outputs: bool = True) -> Iterator[Chunk]:
+        """Yield the samples in order, as a record too long for memory does."""
+        for start in range(0, len(self), CHUNK):
+            part = slice(start, start + CHUNK)
+            y = self.y[part] if self.valid is None else np.where(self.valid[part], self.y[part], np.nan)
+            yield Chunk(start, self.u[part], y)
+
     def select(self, kind: str, use: str = "estimation") -> Iterator[Part]:
         """Yield the parts of one kind and use, in time order."""
         return (part for part in self.parts if part.kind == kind and part.use == use)
@@ -69,7 +85,37 @@ class Record:
                 inside[part.start : part.stop] = True
         return (inside if self.parts else np.full(len(self), use == self.use)) & self.mask
 
+    def has(self, use: str) -> bool:
+        """Tell whether any sample is for a use."""
+        return bool(self.using(use).any())
+
     def without(self, use: str) -> Record:
         """Return the record with y of the parts of one use hidden (NaN, not valid): nothing can learn from it."""
         hidden = self.using(use)
         return replace(self, y=np.where(hidden, np.nan, self.y), valid=self.mask & ~hidden)
+
+
+class Planned(Protocol):
+    """What says which sample is for which use."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Return what happens when."""
+
+    @property
+    def use(self) -> Use:
+        """Return what it is for without parts."""
+
+
+def used(record: Planned, chunk: Chunk, use: str) -> NDArray[np.bool_]:
+    """Return where the samples of a chunk count for a use, as `Record.using` does of all.
+
+    >>> record = Record(u=np.zeros(3), y=np.array([1.0, np.nan, 2.0]), dt=1.0)
+    >>> [used(record, chunk, "estimation").tolist() for chunk in record.chunks()]
+    [[True, False, True]]
+    """
+    inside = np.full(len(chunk.u), not record.parts and record.use == use)
+    for part in record.parts:
+        if part.use == use and part.start is not None and part.stop is not None:
+            inside[max(0, part.start - chunk.start) : max(0, part.stop - chunk.start)] = True
+    return inside & np.isfinite(chunk.y)

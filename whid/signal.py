@@ -215,3 +215,35 @@ def rms(x: Any) -> float:
     """
     finite = np.asarray(x, float)[np.isfinite(x)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
+
+
+class Spread(NamedTuple):
+    """Count, mean and sum of squares about the mean of numbers seen bit by bit.
+
+    >>> Spread.of(np.array([1.0, 2.0])).joined(Spread.of(np.array([6.0])))
+    Spread(size=3, mean=3.0, squares=14.0)
+    """
+
+    size: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+
+    @classmethod
+    def of(cls, x: Floats) -> Spread:
+        """Return that of numbers that are all here."""
+        mean = float(x.mean()) if len(x) else 0.0
+        away = x - mean
+        return cls(len(x), mean, float(away @ away))
+
+    def joined(self, other: Spread) -> Spread:
+        """Return that of both together."""
+        count = self.size + other.size
+        if not count:
+            return self
+        step, share = other.mean - self.mean, other.size / count
+        return Spread(count, self.mean + step * share, self.squares + other.squares + step**2 * self.size * share)
+
+    @property
+    def std(self) -> float:
+        """Return the standard deviation, of the population."""
+        return float(np.sqrt(self.squares / self.size)) if self.size else float("nan")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -32,6 +33,10 @@ class Disturbance(Kind):
     def __post_init__(self) -> None:
         if (self.std is None) == (self.snr_db is None):
             raise WhidError("disturbance-size", f"{self.kind} needs exactly one of std, snr_db")
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats] | None:
+        """Return a function that draws the next n of so many samples, the numbers of `draw`; None: only all at once."""
+        return None
 
     @abstractmethod
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:

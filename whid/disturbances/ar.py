@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -36,15 +37,26 @@ class Ar(Disturbance):
 
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:
         """Return stationary noise: the first p samples from their joint distribution, the rest by the recursion."""
+        return self.stream(samples, dt, rng)(samples)
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats]:
+        """Return the next of this noise."""
         from scipy.linalg import toeplitz
         from scipy.signal import lfilter, lfiltic
 
         a = np.array(self.coefficients)
         r = self.covariance(len(a) + 1, dt)
         start = np.linalg.cholesky(toeplitz(r[:-1])) @ rng.standard_normal(len(a))
-        white = np.sqrt(1 - a @ r[1:]) * rng.standard_normal(max(samples - len(a), 0))
-        rest, _ = lfilter([1.0], [1.0, *-a], white, zi=lfiltic([1.0], [1.0, *-a], start[::-1]))
-        return np.concatenate([start, rest])[:samples]
+        state = lfiltic([1.0], [1.0, *-a], start[::-1])
+
+        def following(n: int) -> Floats:
+            nonlocal start, state
+            first, start = start[:n], start[n:]
+            white = np.sqrt(1 - a @ r[1:]) * rng.standard_normal(n - len(first))
+            rest, state = lfilter([1.0], [1.0, *-a], white, zi=state)
+            return np.concatenate([first, rest])
+
+        return following
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return the autocorrelation: the Yule-Walker equations to lag p, then the recursion."""

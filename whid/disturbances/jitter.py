@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,10 @@ class Jitter(White):
     >>> Jitter(std=0.01).shape(np.array([0.0, 1.0, 2.0]), 0.5)
     array([2., 2., 2.])
     """
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats] | None:
+        """Return None: the derivative at a sample needs its neighbours."""
+        return None
 
     def shape(self, undisturbed: Floats, dt: float) -> Floats:
         """Return |dx/dt|, by central differences."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -28,6 +30,19 @@ class Outliers(Disturbance):
         """Return the wild errors, of unit variance over all samples."""
         hit = rng.random(samples) < self.rate
         return np.where(hit, rng.standard_normal(samples) / np.sqrt(self.rate), 0.0)
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats] | None:
+        """Return the next: which are hit from the generator as it is, their errors from where it stands after that."""
+        errors = copy.deepcopy(rng)
+        if not hasattr(errors.bit_generator, "advance"):
+            return None
+        errors.bit_generator.advance(samples)
+
+        def following(n: int) -> Floats:
+            hit = rng.random(n) < self.rate
+            return np.where(hit, errors.standard_normal(n) / np.sqrt(self.rate), 0.0)
+
+        return following
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return 1 at lag 0, nothing elsewhere."""

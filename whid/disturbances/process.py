@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -29,6 +30,10 @@ class Process(Disturbance):
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:
         """Return stationary noise of unit variance."""
         return self._coloured(dt).draw(samples, dt, rng)
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats] | None:
+        """Return the next of this noise."""
+        return self._coloured(dt).stream(samples, dt, rng)
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return e^(−bandwidth·dt·k) at lag k; without a bandwidth 1 at lag 0 only."""

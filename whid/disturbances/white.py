@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,10 @@ class White(Disturbance):
     def draw(self, samples: int, dt: float, rng: np.random.Generator) -> Floats:
         """Return independent standard normal numbers."""
         return np.asarray(rng.standard_normal(samples))
+
+    def stream(self, samples: int, dt: float, rng: np.random.Generator) -> Callable[[int], Floats] | None:
+        """Return the next of these independent numbers."""
+        return lambda n: self.draw(n, dt, rng)
 
     def covariance(self, lags: int, dt: float) -> Floats:
         """Return 1 at lag 0, nothing elsewhere."""

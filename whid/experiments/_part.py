@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -38,6 +39,18 @@ class Part(Kind):
     @abstractmethod
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
         """Return u of one expanded part, (samples,)."""
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return a function that gives samples first … last − 1 of u: everything random is drawn now, and only once.
+
+        A leaf that need not make all samples for some of them overrides it, and says in `numbers` what it must keep.
+        """
+        u = self.input(dt, rng)
+        return lambda first, last: u[first:last]
+
+    def numbers(self, dt: float) -> int:
+        """Return how many numbers a stretch of it needs in memory."""
+        return 8 * self.samples(dt)
 
     def placed(self, start: int, dt: float) -> Self:
         """Return the expanded part at its place in a record."""

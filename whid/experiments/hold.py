@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -32,4 +33,12 @@ class Hold(Part):
 
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
         """Return the constant."""
-        return np.full(self.samples(dt), self.level)
+        return self.stretch(dt, rng)(0, self.samples(dt))
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return any stretch of the constant."""
+        return lambda first, last: np.full(last - first, self.level)
+
+    def numbers(self, dt: float) -> int:
+        """Return that none is kept."""
+        return 0

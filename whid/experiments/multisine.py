@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -67,9 +68,22 @@ class Multisine(Part):
         return self.length if self.periods is None else (self.periods + self.lead_periods) * self.period
 
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
-        """Return the multisine, phases drawn once for all periods."""
+        """Return the multisine."""
+        return self.stretch(dt, rng)(0, self.samples(dt))
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return any stretch of the multisine, phases drawn once for all periods."""
         lines = self.harmonics()
         spectrum = np.zeros(self.period // 2 + 1, complex)
         spectrum[lines] = self.period / 2 * np.exp(2j * np.pi * rng.random(len(lines)))
         wave = self.offset + self.rms * np.sqrt(2 / len(lines)) * np.fft.irfft(spectrum, self.period)
-        return np.resize(wave, self.samples(dt))
+
+        def multisine(first: int, last: int) -> Floats:
+            phase, count = first % self.period, last - first
+            return wave[phase : phase + count] if phase + count <= self.period else np.resize(np.roll(wave, -phase), count)
+
+        return multisine
+
+    def numbers(self, dt: float) -> int:
+        """Return the samples of a period, and what its transform needs."""
+        return 6 * self.period

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -59,8 +60,20 @@ class Sine(Part):
 
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
         """Return the sine."""
-        n = np.arange(self.samples(dt))
-        return np.asarray(self.offset + self.amplitude * np.cos(2 * np.pi * n / (self.period or np.inf) + self.phase))
+        return self.stretch(dt, rng)(0, self.samples(dt))
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return any stretch of the sine."""
+
+        def sine(first: int, last: int) -> Floats:
+            n = np.arange(first, last)
+            return np.asarray(self.offset + self.amplitude * np.cos(2 * np.pi * n / (self.period or np.inf) + self.phase))
+
+        return sine
+
+    def numbers(self, dt: float) -> int:
+        """Return that none is kept."""
+        return 0
 
     def radians(self, dt: float) -> float:
         """Return ω of an expanded part, rad/s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -41,5 +42,17 @@ class Square(Part):
 
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
         """Return the square wave."""
-        phase = np.arange(self.samples(dt)) % self.period
-        return self.offset + self.amplitude * np.where(phase < round(self.duty * self.period), 1.0, -1.0)
+        return self.stretch(dt, rng)(0, self.samples(dt))
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return any stretch of the square wave."""
+
+        def square(first: int, last: int) -> Floats:
+            phase = np.arange(first, last) % self.period
+            return self.offset + self.amplitude * np.where(phase < round(self.duty * self.period), 1.0, -1.0)
+
+        return square
+
+    def numbers(self, dt: float) -> int:
+        """Return that none is kept."""
+        return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -51,7 +52,11 @@ class Steps(Part):
         return self.length if self.duration_s is None else max(1, round(self.duration_s / dt))
 
     def input(self, dt: float, rng: np.random.Generator) -> Floats:
-        """Return the steps; one stream of numbers for the times and one for the levels, so that each repeats by itself."""
+        """Return the steps."""
+        return self.stretch(dt, rng)(0, self.samples(dt))
+
+    def stretch(self, dt: float, rng: np.random.Generator) -> Callable[[int, int], Floats]:
+        """Return any stretch of the steps; a stream of numbers for the times, one for the levels: each repeats by itself."""
         times, levels = rng.spawn(2)
         n, (shortest, longest) = self.samples(dt), self._holds()
         count = int(np.ceil(n / max(1, int(shortest / dt))))
@@ -60,7 +65,18 @@ class Steps(Part):
             u = levels.uniform(self.low or 0.0, self.high or 0.0, count)
         else:
             u = np.resize(np.asarray(self.levels, float), count)
-        return np.repeat(u, holds)[:n]
+        ends = np.cumsum(holds)
+
+        def steps(first: int, last: int) -> Floats:
+            a, b = np.searchsorted(ends, (first, last - 1), side="right")
+            edges = np.clip(ends[a : b + 1], first, last)
+            return np.repeat(u[a : b + 1], np.diff(edges, prepend=first))
+
+        return steps
+
+    def numbers(self, dt: float) -> int:
+        """Return those of every hold, and what drawing them needs."""
+        return 6 * int(np.ceil(self.samples(dt) / max(1, int(self._holds()[0] / dt))))
 
     def _holds(self) -> tuple[float, float]:
         hold = 0.0 if self.hold_s is None else self.hold_s

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
+from whid.long_record import LongRecord
 from whid.methods._method import Method, Model, Stages
-from whid.record import Record
+from whid.record import Record, used
 from whid.signal import Floats
-from whid.stages._chebyshev import Domain
-from whid.stages.chebyshev_fit import ChebyshevFit, chebyshev_fit
+from whid.stages._chebyshev import Domain, nodes, scaled
+from whid.stages._curve_sums import Samples, curve_sums
+from whid.stages._local_lines import Windows, half_widths
+from whid.stages.chebyshev_fit import ChebyshevFit, fit_of
 from whid.stages.curve_estimates import Choice, CurveEstimates, curve_estimates
-from whid.stages.equaliser import equaliser, image_of
+from whid.stages.equaliser import Equaliser, equaliser, image_of
 from whid.stages.lack_of_fit import lack_of_fit
-from whid.stages.memory import lagged, memory
-from whid.stages.node_plus import node_plus
-from whid.stages.node_windows import NodeWindows, node_windows
+from whid.stages.memory import memory_of
+from whid.stages.node_plus import half_way, plus_of
+from whid.stages.node_windows import node_windows, windows_of
 from whid.system import System
 
 LAGS = 4  # earlier inputs that are tried, to see whether there is memory after all
@@ -58,64 +62,101 @@ class Memoryless(Method):
         if self.domain is not None and self.domain[0] >= self.domain[1]:
             raise WhidError("config-value", f"domain is [low, high], not {list(self.domain)}", "domain")
 
-    def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
+    def __call__(self, records: Sequence[Record | LongRecord], model: System | None = None) -> Stages:
         """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, equaliser; the Model last."""
-        x, y = _samples(records)
-        domain = self.domain or _covered(x, self.min_points)
-        windows = plus = None
+        data = _Samples(records)
+        domain = self.domain or data.covered(self.min_points)
+        windows = near = None
         if self.report != "least_squares":
-            windows = node_windows(x, y, self.order, domain, self.half_width, self.min_points)
-            yield windows
-        fit = chebyshev_fit(x, y, self.order, domain)
+            windows = data.windows(domain, np.full(self.order + 1, self.half_width), self.min_points)
+            near = data.windows(domain, half_way(self.order), self.min_points, self.order)
+        sums = curve_sums(data.chunks(), self.order, domain, windows=[w for w in (windows, near) if w])
+        plus = lines = None
+        if windows:
+            lines = windows_of(windows, domain, sums.seen, self.min_points)
+            yield lines
+        fit = fit_of(sums)
         yield fit
         verdict = lack_of_fit(fit)
         yield verdict
-        yield memory(x, y, _earlier(records), fit)
-        if self.report != "least_squares":
-            plus = node_plus(x, y, fit, self.min_points)
+        yield memory_of(sums, fit)
+        if near:
+            plus = plus_of(near, fit, sums.seen, self.min_points)
             yield plus
-        curve = curve_estimates(windows, plus, fit, verdict, self.report, domain)
+        curve = curve_estimates(lines, plus, fit, verdict, self.report, domain)
         yield curve
         if self.inverse:
-            regressed, refused = self._regressed(x, y, image_of(curve))
-            yield equaliser(curve, x, self.inverse_order, regressed, refused)
+            yield self._equaliser(data, curve)
         yield _model(curve, fit)
 
-    def _regressed(self, x: Floats, y: Floats, image: Domain) -> tuple[NodeWindows | None, str]:
-        """Return the paper's equaliser, its windows along the output; or why there is none: ours does not need it."""
+    def _equaliser(self, data: _Samples, curve: CurveEstimates) -> Equaliser:
+        """Return the inverse, the paper's beside it: its windows along the output; or why there is none, ours needs none."""
+        regressed, refused = None, ""
+        x, y = data.whole()
         try:
-            return node_windows(y, x, self.inverse_order, image, self.half_width, self.min_points), ""
+            regressed = node_windows(y, x, self.inverse_order, image_of(curve), self.half_width, self.min_points)
         except WhidError as fault:
-            return None, fault.message
+            refused = fault.message
+        return equaliser(curve, x, self.inverse_order, regressed, refused)
 
 
-def _samples(records: Sequence[Record]) -> tuple[Floats, Floats]:
-    """Return the input and output of all estimation samples: without memory their order does not count."""
-    used = [record.using("estimation") for record in records]
-    x, y = (
-        np.concatenate([getattr(record, name)[on] for record, on in zip(records, used, strict=True)] or [np.empty(0)])
-        for name in ("u", "y")
-    )
-    if not len(x):
-        raise WhidError("method-no-data", "no record has samples for estimation")
-    return x, y
+class _Samples:
+    """The estimation samples of all records, in chunks: without memory their order does not count."""
 
+    def __init__(self, records: Sequence[Record | LongRecord]) -> None:
+        self.records = [record for record in records if record.has("estimation")]
+        if not self.records:
+            raise WhidError("method-no-data", "no record has samples for estimation")
 
-def _earlier(records: Sequence[Record]) -> Floats:
-    """Return the inputs before those of `_samples`, (LAGS, N)."""
-    rows = [np.stack(list(lagged(record.u, LAGS)))[:, record.using("estimation")] for record in records]
-    return np.concatenate(rows, axis=1)
+    def chunks(self) -> Iterator[Samples]:
+        """Yield input, output, and the inputs before."""
+        for record in self.records:
+            before: Floats | None = None
+            for chunk in record.chunks():
+                before = np.full(LAGS, chunk.u[0]) if before is None else before
+                extended = np.concatenate([before, chunk.u])
+                before = extended[len(extended) - LAGS :]
+                earlier = sliding_window_view(extended[:-1], len(chunk.u))[::-1]
+                on = used(record, chunk, "estimation")
+                yield Samples(chunk.u, chunk.y, earlier) if on.all() else Samples(chunk.u[on], chunk.y[on], earlier[:, on])
 
+    def inputs(self) -> Iterator[Floats]:
+        """Yield the inputs."""
+        for record in self.records:
+            for chunk in record.chunks(outputs=False):
+                on = used(record, chunk, "estimation")
+                yield chunk.u if on.all() else chunk.u[on]
 
-def _covered(x: Floats, min_points: int) -> Domain:
-    """Return the range of the samples but for min_points on either side, so that no window at an end is one-sided."""
-    if len(x) <= 4 * min_points:
-        raise WhidError("stage-too-short", f"{len(x)} samples are too few for windows of {min_points}")
-    ordered = np.partition(x, [min_points, len(x) - 1 - min_points])
-    low, high = float(ordered[min_points]), float(ordered[-1 - min_points])
-    if low >= high:
-        raise WhidError("stage-rank-one", f"nearly all samples have one input, {low:.4g}: no curve can be seen")
-    return low, high
+    def covered(self, min_points: int) -> Domain:
+        """Return the range of the inputs but for min_points on either side, so that no window at an end is one-sided."""
+        count, ends = 0, np.empty(0)
+        for x in self.inputs():
+            count, ends = count + len(x), np.concatenate([ends, x])
+            if len(ends) > 4 * (min_points + 1):
+                middle = slice(min_points + 1, len(ends) - min_points - 1)
+                ends.partition((min_points, len(ends) - 1 - min_points))
+                ends = np.delete(ends, middle)
+        if count <= 4 * min_points:
+            raise WhidError("stage-too-short", f"{count} samples are too few for windows of {min_points}")
+        ends.sort()
+        low, high = float(ends[min_points]), float(ends[-1 - min_points])
+        if low >= high:
+            raise WhidError("stage-rank-one", f"nearly all samples have one input, {low:.4g}: no curve can be seen")
+        return low, high
+
+    def windows(self, domain: Domain, halves: Floats, min_points: int, order: int = -1) -> Windows:
+        """Return empty windows at the nodes, wide enough; order: K where they are to sum T₀ … T_K as well."""
+        centres = nodes(len(halves) - 1)
+        wide = half_widths((scaled(x, domain) for x in self.inputs()), centres, halves, min_points)
+        return Windows(centres, wide, order)
+
+    def whole(self) -> tuple[Floats, Floats]:
+        """Return all inputs and outputs; raise `WhidError("memory")` where they are too many."""
+        if any(isinstance(record, LongRecord) for record in self.records):
+            why = "inverse: true needs all samples at once"
+            raise WhidError("memory", f"{why}; identify the curve from the long record, the equaliser from a shorter one")
+        x, y, _ = zip(*self.chunks(), strict=True)
+        return np.concatenate(x), np.concatenate(y)
 
 
 def _model(curve: CurveEstimates, fit: ChebyshevFit) -> Model:

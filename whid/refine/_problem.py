@@ -15,8 +15,8 @@ from whid.blocks._stack import Bundle, stacked
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.fit import Parameter, Triangle
-from whid.predict import CHUNK, chunks, input_signal
-from whid.record import Record
+from whid.predict import chunks, input_signal
+from whid.record import CHUNK, Record
 from whid.refine._free import FreeNumbers, walk
 from whid.signal import Floats, Signal, joined
 from whid.stages._whiten import whitened

@@ -82,8 +82,8 @@ class Moments(NamedTuple):
         return np.asarray((self.sums[j[:, None] + j] + self.sums[np.abs(j[:, None] - j)]) / 2)
 
 
-def moments(t: Floats, y: Floats, order: int) -> Moments:
-    """Return the moments up to an order M of samples t, y (N,), chunk by chunk.
+def moments(t: Floats, y: Floats, order: int, made: Floats | None = None) -> Moments:
+    """Return the moments up to an order M of samples t, y (N,), chunk by chunk; made: T₀ … T_M of t where they are known.
 
     Only T₀ … T_M are made: Σ T_{M+j} = 2 Σ T_M T_j − Σ T_{M−j}.
 
@@ -94,7 +94,7 @@ def moments(t: Floats, y: Floats, order: int) -> Moments:
     total = Moments(np.zeros(2 * order + 1), np.zeros(order + 1), 0.0, 0)
     for start in range(0, len(t), CHUNK):
         part = slice(start, start + CHUNK)
-        rows = basis(t[part], order)
+        rows = basis(t[part], order) if made is None else made[:, part]
         low = rows.sum(axis=1)
         high = 2 * (rows @ rows[order]) - low[::-1]
         sums = np.concatenate([low, high[1:]])

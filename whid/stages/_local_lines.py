@@ -1,55 +1,198 @@
-"""Straight lines fitted in a window around every Chebyshev node: which samples, with which weights."""
+"""Straight lines fitted in a window around every Chebyshev node, from sums over the samples there: they stream."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from whid.errors import WhidError
-from whid.signal import Floats
-from whid.stages._chebyshev import Domain, unscaled
+from whid.signal import Floats, Ints
+from whid.stages._chebyshev import Domain, basis, unscaled
 
 ROUNDING = 1e-9  # of a window's width: inputs closer together are one value
+WIDEST = 2.0  # half-widths: the whole domain from any node
 
 
 class Line(NamedTuple):
-    """A window and its line: value at the node = at_node · y[where], slope = slope · y[where]."""
+    """A window and its line, o = t − node: a sample's weight in the value at the node is at_node[0] + at_node[1]·o."""
 
-    where: NDArray[np.intp]
-    offset: Floats  # t − node
-    at_node: Floats
-    slope: Floats
+    node: float
     half_width: float
+    points: int
+    value: float  # of the line at the node
+    rest: float  # Σ (y − line)²
+    at_node: tuple[float, float]
+    terms: Floats  # (K + 1,) Σ weight·T_k(t)
+    inside: Floats  # the same over the samples of the domain only
 
 
-def lines(t: Floats, centres: Floats, half_widths: Sequence[float], min_points: int, domain: Domain) -> list[Line]:
-    """Return the window and the weights of the line at every node; a half-width doubles until it holds min_points samples.
+class Seen(NamedTuple):
+    """Which inputs there were, in units of half the domain: the outermost, and how many in all."""
 
-    t (N,), centres and half_widths in units of half the domain. Raises `WhidError`: "stage-too-short" where the samples do
-    not suffice, "stage-one-sided" where all lie on one side of the node, "stage-rank-one" where all are at one input.
+    low: float
+    high: float
+    samples: int
+
+    @classmethod
+    def of(cls, t: Floats) -> Seen:
+        """Return what of inputs that are all here."""
+        return cls(float(t.min(initial=np.inf)), float(t.max(initial=-np.inf)), len(t))
+
+
+def half_widths(inputs: Iterable[Floats], centres: Floats, halves: Floats, min_points: int) -> Floats:
+    """Return the half-width of every window: doubled until it holds min_points samples; ∞ where the widest does not.
+
+    inputs: t in chunks, no more of them than are needed; centres, halves (n,), all in units of half the domain.
     """
-    found = []
-    for i, (centre, half) in enumerate(zip(centres, half_widths, strict=True)):
-        offset = t - centre
-        away = np.abs(offset)
-        while np.count_nonzero(away <= half) < min_points:
-            half *= 2
-            if half > 2:
-                message = f"{len(t)} samples in the domain are too few for windows of {min_points}"
-                raise WhidError("stage-too-short", message)
-        where = np.flatnonzero(away <= half)
-        found.append(_line(where, offset[where], float(half), _Place(i, float(centre), domain, t)))
-    return found
+    steps = [1 + int(np.floor(np.log2(WIDEST / half))) for half in halves]
+    counts = [np.zeros(n, np.intp) for n in steps]
+    for t in inputs:
+        for centre, half, count in zip(centres, halves, counts, strict=True):
+            enough = int(np.argmax(count >= min_points)) if count.max() >= min_points else len(count)
+            if enough:  # not yet settled by the narrowest
+                away = np.abs(t - centre)
+                for j in range(enough):
+                    count[j] += np.count_nonzero(away <= half * 2**j)
+        if all(count[0] >= min_points for count in counts):
+            break
+    found = [half * 2.0 ** np.argmax(c >= min_points) for half, c in zip(halves, counts, strict=True)]
+    return np.where([c.max() >= min_points for c in counts], found, np.inf)
+
+
+@dataclass
+class Windows:
+    """The windows of all nodes, filled chunk by chunk.
+
+    order  K where the sums of T₀ … T_K are wanted too, else −1
+
+    The line of a window's first samples is taken off y before anything is squared.
+    """
+
+    centres: Floats
+    halves: Floats
+    order: int = -1
+    near: Floats = field(init=False)  # (n, 2) a line near y, value at the node and slope
+    sums: Floats = field(init=False)  # (n, 3, 3) of (1, o, y − that line), products of each two
+    terms: Floats = field(init=False)  # (n, K + 1, 2) of T_k, o·T_k
+    beyond: Floats = field(init=False)  # the same, outside the domain
+    ends: Floats = field(init=False)  # (n, 2) smallest and largest o
+    shared: dict[tuple[int, int], Floats] = field(init=False)  # of overlapping windows i, j: Σ 1, o, o² about node i
+
+    def __post_init__(self) -> None:
+        n = len(self.centres)
+        self.sums, self.ends = np.zeros((n, 3, 3)), np.tile([np.inf, -np.inf], (n, 1))
+        self.terms, self.beyond = np.zeros((2, n, self.order + 1, 2))
+        self.near = np.zeros((n, 2))
+        low, high = self.centres - self.halves, self.centres + self.halves
+        pairs = combinations(range(n), 2)
+        self.shared = {(i, j): np.zeros(3) for i, j in pairs if min(high[i], high[j]) >= max(low[i], low[j])}
+
+    def add(self, t: Floats, y: Floats, rows: Floats | None = None) -> None:
+        """Add samples t, y (N,); rows: T₀ … of them where `order` wants them and they are known already."""
+        places = [np.flatnonzero(np.abs(t - centre) <= half) for centre, half in zip(self.centres, self.halves, strict=True)]
+        self._take(places, t, y, rows)
+
+    def _take(self, places: Sequence[Ints], t: Floats, y: Floats, rows: Floats | None) -> None:
+        """Add the samples of every window, their places known."""
+        offsets = [t[where] - centre for where, centre in zip(places, self.centres, strict=True)]
+        for i, (where, o) in enumerate(zip(places, offsets, strict=True)):
+            if not len(where):
+                continue
+            if not self.sums[i, 0, 0]:
+                self.near[i] = _first_line(o, y[where])
+            columns = np.stack([np.ones(len(o)), o, y[where] - self.near[i, 0] - self.near[i, 1] * o])
+            self.sums[i] += columns @ columns.T
+            self.ends[i] = min(self.ends[i, 0], o.min()), max(self.ends[i, 1], o.max())
+            if self.order >= 0:
+                local = basis(t[where], self.order) if rows is None else rows[: self.order + 1, where]
+                self.terms[i] += local @ columns[:2].T
+                out = np.abs(t[where]) > 1
+                if out.any():
+                    self.beyond[i] += local[:, out] @ columns[:2, out].T
+        for (i, j), shared in self.shared.items():
+            o = offsets[i]
+            both = o[np.abs(o + (self.centres[i] - self.centres[j])) <= self.halves[j]]
+            shared += len(both), both.sum(), both @ both
+
+    @classmethod
+    def filled(cls, t: Floats, y: Floats, centres: Floats, halves: Floats, min_points: int, order: int = -1) -> Windows:
+        """Return windows of samples that are all here, each half-width doubled until it holds min_points of them."""
+        places, found = [], np.array(halves)
+        for i, centre in enumerate(centres):
+            away = np.abs(t - centre)
+            where = np.flatnonzero(away <= found[i])
+            while len(where) < min_points and found[i] <= WIDEST:
+                found[i] *= 2
+                where = np.flatnonzero(away <= found[i])
+            found[i] = found[i] if found[i] <= WIDEST else np.inf
+            places.append(where)
+        windows = cls(centres, found, order)
+        windows._take(places, t, y, None)
+        return windows
+
+    def lines(self, domain: Domain, seen: Seen, min_points: int) -> list[Line]:
+        """Return the line of every window.
+
+        Raises `WhidError`: "stage-too-short" where the samples do not suffice, "stage-one-sided" where all lie on one side
+        of the node, "stage-rank-one" where all are at one input.
+        """
+        if not np.isfinite(self.halves).all():
+            message = f"{seen.samples} samples in the domain are too few for windows of {min_points}"
+            raise WhidError("stage-too-short", message)
+        return [self._line(i, _Place(i, float(self.centres[i]), domain, seen)) for i in range(len(self.centres))]
+
+    def _line(self, i: int, place: _Place) -> Line:
+        (n, first, z), (_, second, oz), (_, _, zz) = self.sums[i]
+        low, high = self.ends[i]
+        if high - low <= ROUNDING * self.halves[i]:
+            said = f"all {n:.0f} samples of its window have one input, {place.inputs(low, high)}"
+            raise WhidError("stage-rank-one", f"{place}: {said}; a line needs two")
+        if low > 0 or high < 0:
+            said = f"all {n:.0f} samples of its window lie on one side, at {place.inputs(low, high)}"
+            raise WhidError("stage-one-sided", f"{place}: {said}; {place.covered}")
+        determinant = n * second - first**2
+        weight = (second / determinant, -first / determinant)
+        value, slope = weight[0] * z + weight[1] * oz, (n * oz - first * z) / determinant
+        terms = self.terms[i] @ weight
+        return Line(
+            float(self.centres[i]), float(self.halves[i]), int(n), float(self.near[i, 0] + value),
+            max(0.0, float(zz - value * z - slope * oz)), weight, terms, terms - self.beyond[i] @ weight,
+        )  # fmt: skip
+
+    def overlap(self, found: Sequence[Line]) -> Floats:
+        """Return A·Aᵀ of the weights at the nodes: covariance of the values for unit noise; windows may share samples."""
+        result = np.diag([_product(line.at_node, line.at_node, s[0, 0], s[0, 1], s[1, 1])
+                          for line, s in zip(found, self.sums, strict=True)])  # fmt: skip
+        for (i, j), shared in self.shared.items():
+            alpha, beta = found[j].at_node
+            about_i = (alpha + beta * (found[i].node - found[j].node), beta)
+            result[i, j] = result[j, i] = _product(found[i].at_node, about_i, *shared)
+        return result
+
+
+def _first_line(o: Floats, y: Floats) -> tuple[float, float]:
+    """Return value and slope of the line through samples, of the constant where they are too few or at one input."""
+    middle, mean = float(o.mean()), float(y.mean())
+    away = o - middle
+    square = float(away @ away)
+    slope = float(away @ y) / square if len(o) > 2 and square > 0 else 0.0
+    return mean - slope * middle, slope
+
+
+def _product(a: tuple[float, float], b: tuple[float, float], count: float, first: float, second: float) -> float:
+    """Return Σ (a₀ + a₁ o)(b₀ + b₁ o)."""
+    return float(a[0] * b[0] * count + (a[0] * b[1] + a[1] * b[0]) * first + a[1] * b[1] * second)
 
 
 class _Place(NamedTuple):
     node: int
     centre: float
     domain: Domain
-    t: Floats
+    seen: Seen
 
     def __str__(self) -> str:
         return f"node {self.node} at input {self._x(self.centre):.4g}"
@@ -59,31 +202,9 @@ class _Place(NamedTuple):
 
     @property
     def covered(self) -> str:
-        low, high = self._x(max(-1.0, float(self.t.min()))), self._x(min(1.0, float(self.t.max())))
+        low, high = self._x(max(-1.0, self.seen.low)), self._x(min(1.0, self.seen.high))
         return f"of the domain the data cover [{low:.4g}, {high:.4g}]: try that domain"
 
-    def inputs(self, offset: Floats) -> str:
-        low, high = (self._x(self.centre + float(edge)) for edge in (offset.min(), offset.max()))
+    def inputs(self, first: float, last: float) -> str:
+        low, high = (self._x(self.centre + float(edge)) for edge in (first, last))
         return f"{low:.4g}" if high - low < 1e-6 * abs(high) else f"{low:.4g} … {high:.4g}"
-
-
-def _line(where: NDArray[np.intp], offset: Floats, half: float, place: _Place) -> Line:
-    n, first, second = len(offset), float(offset.sum()), float(offset @ offset)
-    if offset.max() - offset.min() <= ROUNDING * half:
-        message = f"{place}: all {n} samples of its window have one input, {place.inputs(offset)}; a line needs two"
-        raise WhidError("stage-rank-one", message)
-    if offset.min() > 0 or offset.max() < 0:
-        message = f"{place}: all {n} samples of its window lie on one side, at {place.inputs(offset)}; {place.covered}"
-        raise WhidError("stage-one-sided", message)
-    determinant = n * second - first**2
-    return Line(where, offset, (second - first * offset) / determinant, (n * offset - first) / determinant, half)
-
-
-def overlap(found: Sequence[Line], samples: int) -> Floats:
-    """Return A·Aᵀ of the weights at the nodes: covariance of the values for unit noise; windows may share samples."""
-    from scipy.sparse import csr_array
-
-    starts = np.cumsum([0, *(len(line.where) for line in found)])
-    where, weights = (np.concatenate([getattr(line, name) for line in found]) for name in ("where", "at_node"))
-    rows = csr_array((weights, where, starts), shape=(len(found), samples))
-    return np.asarray((rows @ rows.T).toarray())

@@ -10,7 +10,9 @@ from whid.errors import WhidError
 from whid.fit import Estimate, normal_equations
 from whid.quantity import Quantity
 from whid.signal import Floats
-from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, moments, nodes, scaled, unscaled
+from whid.stages._chebyshev import Domain, nodes, unscaled
+from whid.stages._curve_sums import CurveSums, curve_sums, one_chunk
+from whid.stages._local_lines import Seen
 
 
 class ChebyshevFit(NamedTuple):
@@ -42,8 +44,8 @@ class ChebyshevFit(NamedTuple):
 def chebyshev_fit(x: Floats, y: Floats, order: int, domain: Domain, extra: int | None = None) -> ChebyshevFit:
     """Return the least-squares Chebyshev coefficients of y over x.
 
-    min Σ (y − Σ cₖ Tₖ(t))², t = (2x − a − b)/(b − a), over the samples with |t| ≤ 1. Two passes of moments: the second, of
-    the residual, takes off the rounding that squares leave. White noise of unknown size. x, y (N,), finite; extra: terms
+    min Σ (y − Σ cₖ Tₖ(t))², t = (2x − a − b)/(b − a), over the samples with |t| ≤ 1. Moments are those of what a
+    pilot leaves over: squares of y itself would round. White noise of unknown size. x, y (N,), finite; extra: terms
     beyond K that `lack_of_fit` tests (left out: K + 1). Raises `WhidError("stage-too-short")` for fewer samples than
     2K + extra, `WhidError("stage-rank-one")` where the input takes too few values, `WhidError("stage-one-sided")` where
     it does not reach the outermost Chebyshev nodes.
@@ -54,58 +56,44 @@ def chebyshev_fit(x: Floats, y: Floats, order: int, domain: Domain, extra: int |
     >>> bool(np.allclose(fit.coefficients, [0, 3, 0, 1, 0], atol=1e-14))
     True
     """
-    wide = order + (order + 1 if extra is None else extra)
-    t = scaled(x, domain)
-    _reached(t, order, domain)
-    inside = np.abs(t) <= 1
-    if not inside.all():
-        t, y = t[inside], y[inside]
-    if len(t) <= wide + order:
-        where = f"only {len(t)} samples in the domain [{domain[0]:.4g}, {domain[1]:.4g}] for {order + 1} coefficients"
+    return fit_of(curve_sums(one_chunk(x, y), order, domain, extra))
+
+
+def fit_of(sums: CurveSums) -> ChebyshevFit:
+    """Return the fit of samples that were seen in sums: `chebyshev_fit` of any length."""
+    order, left, domain = sums.order, sums.left, sums.domain
+    wide = len(left.products) - 1
+    _reached(sums.seen, order, domain)
+    if left.samples <= wide + order:
+        where = f"only {left.samples} samples in the domain [{domain[0]:.4g}, {domain[1]:.4g}] for {order + 1} coefficients"
         raise WhidError("stage-too-short", where)
-    first = moments(t, y, wide)
-    gram = first.gram(wide)
+    gram = left.gram(wide)
     inner = gram[: order + 1, : order + 1]
-    pilot = normal_equations(inner, first.products[: order + 1], first.square, first.samples)
-    if pilot.rank <= order:
-        message = f"the input takes too few values for {order + 1} coefficients: their design has rank {pilot.rank}"
+    found = normal_equations(inner, left.products[: order + 1], left.square, left.samples, _names(order))
+    if found.rank <= order:
+        message = f"the input takes too few values for {order + 1} coefficients: their design has rank {found.rank}"
         raise WhidError("stage-rank-one", message)
-    left = _of_residual(t, y, pilot.values)
-    beyond = first.products - gram[:, : order + 1] @ pilot.values
-    beyond[: order + 1] = left.products
-    found = normal_equations(inner, left.products, left.square, left.samples, _names(order))
-    wider = normal_equations(gram, beyond, left.square, left.samples)
+    wider = normal_equations(gram, left.products, left.square, left.samples)
     noise = float(np.sqrt(wider.chi2 / wider.dof))
-    scale = float(np.sqrt(first.square / first.samples))
+    scale = float(np.sqrt(sums.square / left.samples))
     variance = found.chi2 / found.dof
     inverse = np.asarray(found.covariance / variance if variance > 0 else np.linalg.inv(inner), float)
-    estimate = found._replace(values=pilot.values + found.values)
+    estimate = found._replace(values=sums.pilot + found.values)
+    outside = sums.seen.samples - left.samples
     return ChebyshevFit(
-        estimate, domain, noise, inverse, found.chi2, wider.chi2, scale, found.rank, wider.rank, len(t), len(x) - len(t)
+        estimate, domain, noise, inverse, found.chi2, wider.chi2, scale, found.rank, wider.rank, left.samples, outside
     )
 
 
-def _reached(t: Floats, order: int, domain: Domain) -> None:
+def _reached(seen: Seen, order: int, domain: Domain) -> None:
     """Raise where the samples end before the outermost node: the rest of the domain would be extrapolated."""
-    if not len(t):
+    if not seen.samples:
         return
     end = nodes(order)[0]
-    low, high = unscaled(np.array([t.min(), t.max()]), domain)
-    if t.max() < end or t.min() > -end:
-        seen = f"the samples cover only [{low:.4g}, {high:.4g}]: try that domain"
-        raise WhidError("stage-one-sided", f"the domain is [{domain[0]:.4g}, {domain[1]:.4g}], {seen}")
-
-
-def _of_residual(t: Floats, y: Floats, coefficients: Floats) -> Moments:
-    """Return the moments of y − p, chunk by chunk, without sums of T."""
-    products, square = np.zeros(len(coefficients)), 0.0
-    for start in range(0, len(t), CHUNK):
-        part = slice(start, start + CHUNK)
-        rows = basis(t[part], len(coefficients) - 1)
-        residual = y[part] - coefficients @ rows
-        products += rows @ residual
-        square += float(residual @ residual)
-    return Moments(np.empty(0), products, square, len(t))
+    low, high = unscaled(np.array([seen.low, seen.high]), domain)
+    if seen.high < end or seen.low > -end:
+        said = f"the samples cover only [{low:.4g}, {high:.4g}]: try that domain"
+        raise WhidError("stage-one-sided", f"the domain is [{domain[0]:.4g}, {domain[1]:.4g}], {said}")
 
 
 def _names(order: int) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from whid.fit import normal_equations
 from whid.quantity import Table
 from whid.signal import Floats
-from whid.stages._chebyshev import CHUNK, basis, scaled
+from whid.stages._curve_sums import CurveSums, curve_sums, one_chunk
 from whid.stages.chebyshev_fit import ChebyshevFit
 from whid.stages.lack_of_fit import ROUNDING
 
@@ -56,24 +56,26 @@ def memory(x: Floats, y: Floats, earlier: Floats, fit: ChebyshevFit) -> Memory:
     >>> [memory(x, y, last[None], chebyshev_fit(x, y, 5, (-1.0, 1.0))).passed for y in outputs]
     [True, False]
     """
+    order = len(fit.coefficients) - 1
+    return memory_of(curve_sums(one_chunk(x, y, earlier), order, fit.domain, extra=0), fit)
+
+
+def memory_of(sums: CurveSums, fit: ChebyshevFit) -> Memory:
+    """Return the test on samples that were seen in sums."""
     from scipy.special import fdtrc
 
-    order, t = len(fit.coefficients) - 1, scaled(x, fit.domain)
-    inside = np.abs(t) <= 1
-    t, y, earlier = t[inside], y[inside], earlier[:, inside]
-    size = order + 1 + len(earlier)
-    gram, products, square = np.zeros((size, size)), np.zeros(size), 0.0
-    for start in range(0, len(t), CHUNK):
-        part = slice(start, start + CHUNK)
-        rows = np.concatenate([basis(t[part], order), scaled(earlier[:, part], fit.domain)])
-        residual = y[part] - fit.coefficients @ rows[: order + 1]
-        gram += rows @ rows.T
-        products += rows @ residual
-        square += float(residual @ residual)
-    alone = normal_equations(gram[: order + 1, : order + 1], products[: order + 1], square, len(t))
-    joined = normal_equations(gram, products, square, len(t))
+    order, samples = sums.order, sums.left.samples
+    size = order + 1
+    own, crossed = sums.left.gram(order), sums.crossed
+    gram = np.block([[own, crossed], [crossed.T, sums.lags]])
+    change = fit.coefficients - sums.pilot  # from what the pilot leaves over to what the fit does
+    products = np.append(sums.left.products[:size], sums.lag_products)
+    square = max(0.0, sums.left.square - float(change @ (2 * products[:size] - own @ change)))
+    products -= gram[:, :size] @ change
+    alone = normal_equations(own, products[:size], square, samples)
+    joined = normal_equations(gram, products, square, samples)
     lags, dof = joined.rank - alone.rank, joined.dof
-    if lags < 1 or dof < 1 or square <= (ROUNDING * fit.scale) ** 2 * len(t):
+    if lags < 1 or dof < 1 or square <= (ROUNDING * fit.scale) ** 2 * samples:
         return Memory(0.0, max(lags, 0), dof, 1.0, True)
     statistic = float((alone.chi2 - joined.chi2) / lags / max(joined.chi2 / dof, 1e-300))
     p = float(fdtrc(lags, dof, max(statistic, 0.0)))

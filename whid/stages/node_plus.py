@@ -8,8 +8,8 @@ import numpy as np
 
 from whid.quantity import Quantity
 from whid.signal import Floats
-from whid.stages._chebyshev import basis, nodes, scaled, transform
-from whid.stages._local_lines import lines, overlap
+from whid.stages._chebyshev import nodes, scaled, transform
+from whid.stages._local_lines import Seen, Windows
 from whid.stages.chebyshev_fit import ChebyshevFit
 
 ITERATIONS = 4
@@ -39,27 +39,36 @@ def node_plus(x: Floats, y: Floats, pilot: ChebyshevFit, min_points: int = MIN_P
     >>> node_plus(x, x**3, chebyshev_fit(x, x**3, 3, (-1.0, 1.0))).coefficients.round(12) + 0
     array([0.  , 0.75, 0.  , 0.25])
     """
-    order = len(pilot.coefficients) - 1
-    t, centres, d = scaled(x, pilot.domain), nodes(order), transform(order)
-    widths = 0.5 * np.sqrt(1 - centres**2) * np.pi / (order + 1)
-    found = lines(t, centres, list(map(float, widths)), min_points, pilot.domain)
-    rows = [basis(t[line.where], order) for line in found]
-    design = np.array([row @ line.at_node for row, line in zip(rows, found, strict=True)])  # L·T
-    inside = [line.at_node * (np.abs(t[line.where]) <= 1) for line in found]  # what the pilot saw as well
-    common = np.array([row @ weight for row, weight in zip(rows, inside, strict=True)])
-    seen = np.array([line.at_node @ y[line.where] for line in found])  # L·y
+    order, domain = len(pilot.coefficients) - 1, pilot.domain
+    t = scaled(x, domain)
+    windows = Windows.filled(t, y, nodes(order), half_way(order), min_points, order)
+    return plus_of(windows, pilot, Seen.of(t), min_points)
+
+
+def half_way(order: int) -> Floats:
+    """Return ½ sin θᵢ·π/(K + 1), the half-widths of windows that reach half-way to their neighbours."""
+    return np.asarray(0.5 * np.sqrt(1 - nodes(order) ** 2) * np.pi / (order + 1))
+
+
+def plus_of(windows: Windows, pilot: ChebyshevFit, seen: Seen, min_points: int = MIN_POINTS) -> NodePlus:
+    """Return the estimate of windows that have been filled."""
+    order = windows.order
+    found, d = windows.lines(pilot.domain, seen, min_points), transform(order)
+    design = np.array([line.terms for line in found])  # L·T
+    common = np.array([line.inside for line in found])  # of what the pilot saw as well
+    at_nodes = np.array([line.value for line in found])  # L·y
     one, c = np.eye(order + 1), pilot.coefficients
     from_lines, from_pilot = np.zeros_like(d), one  # c = from_lines · L y + from_pilot · pilot
     tolerance = 1e-3 * pilot.bound + 1e-15 * np.abs(c).max()
     done = 0
     while done < ITERATIONS:
         done += 1
-        step = d @ (seen - design @ c)
+        step = d @ (at_nodes - design @ c)
         c, kept = c + step, one - d @ design
         from_lines, from_pilot = kept @ from_lines + d, kept @ from_pilot
         if np.all(np.abs(step) <= tolerance):
             break
     both = from_lines @ common @ pilot.inverse_gram @ from_pilot.T
-    spread = from_lines @ overlap(found, len(t)) @ from_lines.T + from_pilot @ pilot.inverse_gram @ from_pilot.T
+    spread = from_lines @ windows.overlap(found) @ from_lines.T + from_pilot @ pilot.inverse_gram @ from_pilot.T
     covariance = pilot.noise_std**2 * (spread + both + both.T)
     return NodePlus(c, np.sqrt(np.diag(covariance)), covariance, done)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from whid.quantity import Measured, Quantity, Table
 from whid.signal import Floats
 from whid.stages._chebyshev import Domain, nodes, scaled, transform, unscaled
-from whid.stages._local_lines import lines, overlap
+from whid.stages._local_lines import Seen, Windows
 
 
 class NodeWindows(NamedTuple):
@@ -51,20 +51,21 @@ def node_windows(
     >>> node_windows(x, x**3, 3, (-1.0, 1.0)).coefficients.round(4) + 0
     array([0.  , 0.75, 0.  , 0.25])
     """
-    t, centres, d = scaled(x, domain), nodes(order), transform(order)
-    found = lines(t, centres, [half_width] * (order + 1), min_points, domain)
-    value, rest = np.empty(order + 1), 0.0
-    for i, line in enumerate(found):
-        part = y[line.where]
-        value[i] = line.at_node @ part
-        error = part - value[i] - (line.slope @ part) * line.offset
-        rest += float(error @ error)
-    points = np.array([len(line.where) for line in found])
-    variance = rest / max(int(points.sum()) - 2 * len(found), 1)
-    shared = variance * overlap(found, len(t))
+    t = scaled(x, domain)
+    windows = Windows.filled(t, y, nodes(order), np.full(order + 1, half_width), min_points)
+    return windows_of(windows, domain, Seen.of(t), min_points)
+
+
+def windows_of(windows: Windows, domain: Domain, seen: Seen, min_points: int) -> NodeWindows:
+    """Return the estimate of windows that have been filled."""
+    order = len(windows.centres) - 1
+    found, d = windows.lines(domain, seen, min_points), transform(order)
+    value, points = np.array([line.value for line in found]), np.array([line.points for line in found])
+    variance = sum(line.rest for line in found) / max(int(points.sum()) - 2 * len(found), 1)
+    shared = variance * windows.overlap(found)
     covariance = d @ shared @ d.T
     unit = (domain[1] - domain[0]) / 2
     return NodeWindows(
-        unscaled(centres, domain), value, np.sqrt(np.diag(shared)), unit * np.array([line.half_width for line in found]),
+        unscaled(windows.centres, domain), value, np.sqrt(np.diag(shared)), unit * windows.halves,
         points, d @ value, np.sqrt(np.diag(covariance)), covariance, float(np.sqrt(variance)), domain,
     )  # fmt: skip
