@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from whid.fit import Parameter, least_squares, linear_least_squares
+from whid.fit import Parameter, Triangle, _gain, least_squares, linear_least_squares, minimise
 
 MISRA1A = np.array(
     [
@@ -130,6 +130,41 @@ def test_bounds_hold_and_the_rest_is_fitted():
     pinned = [Parameter("b0", 230.0, lower=230.0, upper=230.0), Parameter("b1", 5e-4, lower=5e-4, upper=5e-4)]
     fit = least_squares(lambda b: misra(b, x) - y, lambda b: misra_tangent(b, x), pinned)
     assert fit.values.tolist() == [230.0, 5e-4]
+
+
+def descend(residual, tangent, start, idle_gain=1e-2):
+    """The engine as the whole-record fit uses it, one number."""
+    return minimise(
+        lambda b: float(residual(b) @ residual(b)), lambda b: Triangle.of(tangent(b), residual(b)),
+        [Parameter("b", start)], tolerance=0.0, idle_gain=idle_gain,
+    )  # fmt: skip
+
+
+def test_a_slow_end_at_the_minimum_has_converged_and_one_on_an_edge_has_not():
+    """Two rows: at the minimum, reached by steps that gain less and less; and a slope that promises what no step delivers."""
+
+    def slow(b):  # large residual, Gauss-Newton converges linearly: (b, 50 + b²/30)
+        return np.array([b[0], 50 + b[0] ** 2 / 30])
+
+    fit = descend(slow, lambda b: np.array([[1.0], [b[0] / 15]]), 0.5)
+    assert fit.why_stop == "converged"
+    assert fit.iterations < 20
+    assert abs(fit.values[0]) < 0.1  # standard errors
+    promised = descend(lambda b: np.array([2.0 + 1e-4 * abs(b[0] - 1)]), lambda b: np.array([[1.0]]), 1.0)
+    assert promised.why_stop != "converged"
+    edge = descend(lambda b: np.array([2.0, np.floor(1e3 * b[0]) / 1e3]), lambda b: np.array([[0.5], [1.0]]), 0.0)
+    assert edge.why_stop != "converged"
+
+
+def test_a_decrement_is_what_is_left_to_the_minimum():
+    """λ² of a straight problem is χ² − χ²(minimum), and no number is further than λ standard errors from it."""
+    rng = np.random.default_rng(12)
+    design, data = rng.standard_normal((30, 3)), rng.standard_normal(30)
+    best = linear_least_squares(design, data, np.ones(30))
+    theta = best.values + rng.standard_normal(3) * best.std
+    gain = _gain(Triangle.of(design, design @ theta - data))
+    assert gain == pytest.approx(np.sum((design @ theta - data) ** 2) - best.chi2, rel=1e-9)
+    assert np.all(np.abs(theta - best.values) <= np.sqrt(gain) * best.std)
 
 
 def test_a_start_outside_its_bounds_is_brought_inside():

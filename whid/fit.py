@@ -220,35 +220,49 @@ def minimise(
 ) -> Estimate:
     """Minimise a sum of squares that is seen only reduced: its value and its `Triangle` at θ (see `least_squares`).
 
-    known: the residuals are in units of their standard deviation; else the covariance is scaled by χ²/dof. idle_gain: a few
-    steps in a row that each lower χ² by less (in units of the noise) end the fit, as does a step that fails where no more is
-    to be gained. floor: χ² of rounding; there is nothing to gain below.
+    known: the residuals are in units of their standard deviation; else the covariance is scaled by χ²/dof. floor: χ² of
+    rounding; there is nothing to gain below.
+    Whether a fit is at its minimum is told by its decrement, λ² = what an undamped step would take from χ² over the noise
+    variance: no number is further than λ standard errors from the minimum of the local parabola, −log L no more than λ²/2.
+    idle_gain: a few steps in a row that each lower χ² by less (in units of the noise) end the fit, as does a step that fails
+    where the decrement is less. Either has "converged" where the decrement is less at the end; a cost with an edge, whose
+    slope promises what no step delivers, ends with "small step".
     """
     lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
+
+    def active(here: Triangle, theta: Floats) -> tuple[NDArray[np.bool_], Triangle]:
+        """Return which numbers may move, those at a bound that the slope presses on held, and the problem of these."""
+        slope = here.r.T @ here.projected
+        free = ~(((theta <= lower) & (slope > 0)) | ((theta >= upper) & (slope < 0)))
+        return free, here.columns(free)
+
+    def noise(here: Triangle) -> float:
+        return 1.0 if known else here.chi2 / max(here.samples - len(parameters), 1)
+
+    def ended(here: Triangle, theta: Floats) -> WhyStop:
+        return "converged" if _gain(active(here, theta)[1]) < idle_gain * noise(here) else "small step"
+
     theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
     here = linearise(theta)
     why: WhyStop = "iteration limit"
     mu, nu, shrink, iteration, idle = 1e-3, 2.0, 1 / 3, 0, 0
     try:
         for iteration in range(1, max_iterations + 1):
-            slope = here.r.T @ here.projected
-            free = ~(((theta <= lower) & (slope > 0)) | ((theta >= upper) & (slope < 0)))
-            active = here.columns(free)
-            scale = np.linalg.norm(active.r, axis=0)
+            free, moving = active(here, theta)
+            scale = np.linalg.norm(moving.r, axis=0)
             scale[scale == 0] = 1.0
             step = np.zeros_like(theta)
-            variance = 1.0 if known else here.chi2 / max(here.samples - len(theta), 1)
-            gain = _gain(active.r / scale, active.projected)
+            variance, gain = noise(here), _gain(moving)
             if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2, floor):
-                step[free] = _solve(active.r / scale, -active.projected)[0] / scale
+                step[free] = _solve(moving.r / scale, -moving.projected)[0] / scale
                 theta, why = np.clip(theta + step, lower, upper), "converged"
                 break
-            stacked = np.concatenate([active.r / scale, np.sqrt(mu) * np.eye(len(scale))])
-            target = np.concatenate([-active.projected, np.zeros(len(scale))])
+            stacked = np.concatenate([moving.r / scale, np.sqrt(mu) * np.eye(len(scale))])
+            target = np.concatenate([-moving.projected, np.zeros(len(scale))])
             step[free] = np.linalg.lstsq(stacked, target, rcond=None)[0] / scale
             trial = np.clip(theta + step, lower, upper)
             if np.all(np.abs(trial - theta) <= 1e-15 * (np.abs(theta) + 1e-15)):
-                why = "small step"
+                why = ended(here, theta)
                 break
             with np.errstate(all="ignore"):
                 reached = cost(trial)
@@ -263,14 +277,14 @@ def minimise(
                 if watch is not None:
                     watch(iteration, here.chi2, theta)
                 if idle == IDLE:
-                    why = "small step"
+                    why = ended(here, theta)
                     break
             else:
                 if mu > 1e12:
                     why = "no decrease"
                     break
                 if gain < idle_gain * variance:
-                    why = "small step"
+                    why = "converged"
                     break
                 mu *= nu
                 nu, shrink = 2 * nu, 1 / 3
@@ -281,10 +295,11 @@ def minimise(
     return _estimate(names, theta, covariance, rank, null, here.chi2, here.samples, not known, iteration, why)
 
 
-def _gain(r: Floats, projected: Floats) -> float:
+def _gain(problem: Triangle) -> float:
     """Return what an undamped step would still take from χ²: the part of Qᵀr that the columns reach, whatever their rank."""
-    u, s, _ = np.linalg.svd(r)
-    within = u[:, s > RANK * s.max(initial=0.0)].T @ projected
+    scale = np.linalg.norm(problem.r, axis=0)
+    u, s, _ = np.linalg.svd(problem.r / np.where(scale == 0, 1.0, scale))
+    within = u[:, s > RANK * s.max(initial=0.0)].T @ problem.projected
     return float(within @ within)
 
 
