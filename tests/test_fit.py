@@ -141,7 +141,7 @@ def descend(residual, tangent, start, idle_gain=1e-2):
 
 
 def test_a_slow_end_at_the_minimum_has_converged_and_one_on_an_edge_has_not():
-    """Two rows: at the minimum, reached by steps that gain less and less; and a slope that promises what no step delivers."""
+    """At the minimum, reached by steps that gain less and less; and a slope that promises what no step delivers."""
 
     def slow(b):  # large residual, Gauss-Newton converges linearly: (b, 50 + b²/30)
         return np.array([b[0], 50 + b[0] ** 2 / 30])

@@ -17,6 +17,7 @@ from whid.quantity import Quantity
 Floats = NDArray[np.float64]
 RANK = 1e-10  # of the largest singular value, columns of unit length: what is below counts as zero
 GRAM = 1e-13  # the same of a matrix of products, whose numbers are squares
+SETTLED = 1e-2  # of χ², in units of the noise: a decrement below, a tenth of a standard error at most, is a minimum
 IDLE = 4  # steps in a row that gain next to nothing: a cost with edges never meets its own prediction
 WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear", "not fitted"]
 
@@ -225,8 +226,8 @@ def minimise(
     Whether a fit is at its minimum is told by its decrement, λ² = what an undamped step would take from χ² over the noise
     variance: no number is further than λ standard errors from the minimum of the local parabola, −log L no more than λ²/2.
     idle_gain: a few steps in a row that each lower χ² by less (in units of the noise) end the fit, as does a step that fails
-    where the decrement is less. Either has "converged" where the decrement is less at the end; a cost with an edge, whose
-    slope promises what no step delivers, ends with "small step".
+    where the decrement is less. A fit that ends with small steps has "converged" where its decrement is below 0.01; a cost
+    with an edge, whose slope promises what no step delivers, ends with "small step".
     """
     lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
 
@@ -240,7 +241,7 @@ def minimise(
         return 1.0 if known else here.chi2 / max(here.samples - len(parameters), 1)
 
     def ended(here: Triangle, theta: Floats) -> WhyStop:
-        return "converged" if _gain(active(here, theta)[1]) < idle_gain * noise(here) else "small step"
+        return "converged" if _gain(active(here, theta)[1]) < SETTLED * noise(here) else "small step"
 
     theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
     here = linearise(theta)

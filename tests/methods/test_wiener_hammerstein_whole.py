@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from numpy.polynomial.polynomial import polyval
 from scipy.stats import binom, chi2
 
 from tests.design_p import PLAN, PLANT, STD, clean, record
@@ -15,7 +16,7 @@ from whid.blocks.piecewise import Piecewise
 from whid.experiments._experiment import Experiment
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
-from whid.methods._whole import located, unit_gain, whole_record
+from whid.methods._whole import Search, located, unit_gain, whole_record
 from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.predict import predict
 from whid.refine import refine
@@ -23,7 +24,7 @@ from whid.simulate import simulate
 from whid.system import System
 
 FIRST_SEED = 9000  # set before the first run of these tests; they served development
-REPORTED = 12_000  # the bars' own counts are on these, which nothing was looked at on
+REPORTED = 90_000  # the bars' own counts are on these, which nothing was looked at on; 12 000 on were, and serve development
 TRUE = replace(
     PLANT, chain=(Linear(num=(1.0,), den=(25.0, 12.5, 1.0)), PLANT.chain[1], Linear(num=(1.0,), den=(10.0, 7.0, 1.0)))
 )
@@ -60,6 +61,13 @@ def crb():
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
 
 
+def meeting(f, k):
+    """f with a kink at break k: there the levels' own degrees are cut off, so that its pieces no longer meet."""
+    left, right = (polyval(f.breaks[k], piece) for piece in f.pieces[k : k + 2])
+    piece = (f.pieces[k + 1][0] + left - right, *f.pieces[k + 1][1:])
+    return replace(f, pieces=(*f.pieces[: k + 1], piece, *f.pieces[k + 2 :]))
+
+
 def check_a7(count, first=FIRST_SEED):
     errors, seconds, failed = [], [], []
     for seed in range(first, first + count):
@@ -67,14 +75,19 @@ def check_a7(count, first=FIRST_SEED):
         f = model.system.chain[1]
         if [len(p) for p in f.pieces] != [1, 2, 1, 3, 2]:  # A3's business: start from the right structure
             f = replace(f, pieces=tuple((*p, *[0.0] * 3)[:n] for p, n in zip(f.pieces, [1, 2, 1, 3, 2], strict=True)))
-        started = replace(model.system, chain=(model.system.chain[0], f, model.system.chain[2]))
+        started = replace(model.system, chain=(model.system.chain[0], meeting(f, 0), model.system.chain[2]))
         system = located(started, [data], 1, (1, 2, 3))  # three jumps, whatever the levels read
         began = time.process_time()
-        found = refine(system, [data], fixed=unit_gain(system))
+        search = Search([data], 1, 3, refine(system, [data], fixed=unit_gain(system)))
+        search.roots()  # a pole that the stages found in noise is taken back, as the method does
+        found = search.best
         seconds.append(time.process_time() - began)
+        if not set(NAMES) <= set(found.estimate.names) or len(found.estimate.names) != len(NAMES) + 1:
+            failed.append((seed, found.estimate.names))
+            continue
         error = np.array([found.estimate.value(name) - TRUTH[name] for name in NAMES])
         good = found.estimate.why_stop == "converged" and np.all(np.abs(error) < 10 * crb())
-        failed += [] if good else [(seed, found.estimate.value("chain.1.breaks.2"))]
+        failed += [] if good else [(seed, found.estimate.why_stop, (error / crb()).round(1))]
         errors.append(error)
     ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / crb()
     print(f"\nA7 RMSE/CRB of {len(NAMES)} numbers over {count} seeds: {ratio.round(3)} (bar .85 … 1.15)")
@@ -102,7 +115,7 @@ def check_a9(count, first=FIRST_SEED):
 
 
 def test_a7_reduced():
-    check_a7(6)
+    check_a7(4)
 
 
 def test_a9_reduced():
@@ -160,6 +173,21 @@ def test_a_degree_that_the_levels_overstate_is_taken_back():
     assert names[-1] not in stage.estimate.names
 
 
+def test_a_pole_that_the_stages_found_in_noise_is_taken_back():
+    """Front with a third pole at 2.8 rad/s, and a back with a pole and a zero that cancel: neither is in the plant."""
+    model = staged(FIRST_SEED)
+    front, f, back = model.system.chain
+    front = replace(front, den=tuple(np.convolve(front.den, [1 / 2.8, 1.0])))
+    back = replace(back, num=(1 / 0.31, 1.0), den=tuple(np.convolve(back.den, [1 / 0.3, 1.0])))
+    grown = replace(model.system, chain=(front, f, back))
+    stage, found = whole_record([record(FIRST_SEED)], model._replace(system=grown), 3)
+    assert [len(found.system.chain[k].den) - 1 for k in (0, 2)] == [2, 2]
+    assert found.system.chain[2].num == (1.0,)
+    assert "chain.0 has one pole less than the stages before found" in stage.decided
+    error = np.array([stage.estimate.value(name) - TRUTH[name] for name in NAMES])
+    assert np.abs(error / crb()).max() < 5
+
+
 def test_it_can_be_left_out_and_is_left_out_of_what_it_cannot_split():
     data = record(FIRST_SEED)
     kinds = [type(stage).__name__ for stage in WienerHammerstein(whole_record=False)([data])]
@@ -180,10 +208,15 @@ def test_report_samples_stay_closed():
 
 
 def test_a_fit_that_fails_leaves_the_staged_model(monkeypatch):
-    def failing(*_):
+    orders_told = []
+
+    def failing(*_, told):
+        orders_told.append(told)
         raise np.linalg.LinAlgError("singular")
 
     monkeypatch.setattr("whid.methods.wiener_hammerstein.whole_record", failing)
+    list(WienerHammerstein(orders=(2, 2))([record(FIRST_SEED)]))
     *_, model = WienerHammerstein()([record(FIRST_SEED)])
+    assert orders_told == [True, False]  # orders that were given stay
     assert model.system == staged(FIRST_SEED).system
     assert any("whole-record fit failed: singular" in text for text in model.missing)

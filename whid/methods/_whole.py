@@ -14,6 +14,7 @@ from whid.blocks.linear import Linear
 from whid.blocks.piecewise import Piecewise
 from whid.errors import WhidError
 from whid.fit import Estimate
+from whid.methods._fewer import HOPELESS, fewer
 from whid.methods._method import Model
 from whid.quantity import Measured, Quantity, Table
 from whid.record import Record
@@ -24,7 +25,6 @@ from whid.stages._whiten import Bools, autoregression, whitened
 from whid.system import System
 
 PRICE = 10.8  # χ² a number must be worth, as in the segmentation of the levels
-HOPELESS = 100.0  # χ² by which another reading of a border may start worse and still be fitted
 ITERATIONS = 12  # for a trial: from a good start six are enough
 SAME = 1.02  # growth of the residual up to which prewhitening found noise; beyond, it hides what the model lacks
 PLACES = 24  # tried for a jump inside its gap: the cost has one narrow valley there
@@ -59,23 +59,28 @@ class WholeRecord(NamedTuple):
         return {"whole_record.before.rms": self.before, "whole_record.rms": self.rms}
 
 
-def whole_record(records: Sequence[Record], model: Model, max_degree: int) -> tuple[WholeRecord, Model]:
-    """Fit all numbers of a staged model at once, trying kink against jump at every border, and one degree more or less.
+def whole_record(
+    records: Sequence[Record], model: Model, max_degree: int, *, told: bool = False
+) -> tuple[WholeRecord, Model]:
+    """Fit all numbers of a staged model at once, trying kink against jump at every border, one degree more or less, and
+    the linear blocks with a root less where their orders were not told.
 
     A jump's break starts where the transitions between levels put it in its gap. A change is kept when −2 log L falls by
-    more than 10.8 a number. The linear blocks keep their unit static gain. Source [PAPERS A, build 3 and 6].
+    more than 10.8 a number (p = .001 of one that is none; log N of 50 000 samples, so BIC). The linear blocks keep their
+    unit static gain. Source [PAPERS A, build 3 and 6].
     """
     left = [residual(model.system.tree, record)[record.using("estimation")] for record in records]
     place = next((k for k, block in enumerate(model.system.chain) if isinstance(block, Piecewise)), -1)
-    held = unit_gain(model.system) + unseen_breaks(model.system, place)
     start = located(model.system, records, place) if place > 0 else model.system
-    search = Search(records, place, max_degree, held, refine(start, records, fixed=held))
+    search = Search(records, place, max_degree, refine(start, records, fixed=held(start, place)))
     if place >= 0:
         search.borders()
         search.degrees()
+    if not told:
+        search.roots()
     best, said = search.best, search.decided
     if search.coloured and best.estimate.why_stop != "interrupted":
-        white = refine(best.system, records, fixed=held, noise="ar")
+        white = refine(best.system, records, fixed=held(best.system, place), noise="ar")
         growth = float(np.sqrt(white.samples @ white.rms**2 / (best.samples @ best.rms**2)))
         if growth <= SAME:
             best = white
@@ -85,7 +90,7 @@ def whole_record(records: Sequence[Record], model: Model, max_degree: int) -> tu
     size, noise = (float(np.sqrt(best.samples @ std**2 / best.samples.sum())) for std in (best.rms, best.noise_std))
     curve = best.system.chain[place]
     borders = tuple("kink" if kink else "jump" for kink in curve.kinks()) if isinstance(curve, Piecewise) else ()
-    estimate = beside(best.estimate, model.estimate, held)
+    estimate = beside(best.estimate, model.estimate, unseen_breaks(model.system, place))
     stage = WholeRecord(
         rms(np.concatenate(left)), size, noise, best.ar[0][np.isfinite(best.ar[0])], int(best.samples.sum()),
         borders, tuple(said), best.gauge, estimate,
@@ -100,7 +105,6 @@ class Search:
     records: Sequence[Record]
     place: int  # of f in the chain
     max_degree: int
-    held: tuple[str, ...]
     best: Refined
     decided: list[str] = field(default_factory=list)
     coloured: float = 0.0  # long-run variance of the residual over its variance; 0 where it is white
@@ -157,7 +161,7 @@ class Search:
         more = {k: f"chain.{self.place}.pieces.{k}.{len(p)}" for k, p in enumerate(f.pieces) if len(p) <= self.max_degree}
         grown = replace(f, pieces=tuple((*p, 0.0) if k in more else p for k, p in enumerate(f.pieces)))
         system = replaced(self.best.system, self.place, grown)
-        worth = gains(system, self.records, list(more.values()), fixed=self.held)
+        worth = gains(system, self.records, list(more.values()), fixed=held(system, self.place))
         for k in (k for k, gain in zip(more, worth, strict=True) if gain > self.price):
             self._change(k, (*self.curve.pieces[k], 0.0))
 
@@ -168,12 +172,22 @@ class Search:
             degrees = len(piece) - 1, len(f.pieces[k]) - 1
             self.decided.append("piece {} has degree {}, which the levels read as {}".format(k + 1, *degrees))
 
+    def roots(self) -> None:
+        """Take poles and zeros away as long as one is not worth its price."""
+        while gone := self._without():
+            self.decided.append(f"{gone} than the stages before found")
+
+    def _without(self) -> str:
+        """Take the first root away that is not worth its price, and return what it was."""
+        candidates = fewer(self.best.system, self.best.estimate)
+        return next((said for said, system in candidates if self._better(system)), "")
+
     def _better(self, system: System) -> bool:
         """Fit another structure and keep it when it is worth its price."""
         if self.best.estimate.why_stop == "interrupted":
             return False
         try:
-            found = refine(system, self.records, fixed=self.held, max_iterations=ITERATIONS)
+            found = refine(system, self.records, fixed=held(system, self.place), max_iterations=ITERATIONS)
         except WhidError:
             return False
         cost = [deviance(each) + self.price * each.parameters for each in (found, self.best)]
@@ -185,6 +199,11 @@ class Search:
     def price(self) -> float:
         """Return the χ² a number must be worth; where the residual is coloured, fewer samples are independent."""
         return PRICE * max(1.0, self.coloured)
+
+
+def held(system: System, place: int) -> tuple[str, ...]:
+    """Return what a whole-record fit holds: static gains, and the jumps that it cannot see."""
+    return unit_gain(system) + unseen_breaks(system, place)
 
 
 def unit_gain(system: System) -> tuple[str, ...]:

@@ -133,7 +133,7 @@ class WienerHammerstein(Method):
         missing = said + self._missing(any(left), data, fit)
         staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
         assumed = tuple(pieces.assumed(unseen(pieces, data)))
-        yield from self._finished(records, staged, assumed, split=not is_affine(static))
+        yield from self._finished(records, staged, assumed, split=not is_affine(static), told=orders is not None)
 
     def _from_steps(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
@@ -151,9 +151,11 @@ class WienerHammerstein(Method):
         yield found
         missing = said + self._missing_steps(found)
         staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
-        yield from self._finished(records, staged, tuple(pieces.assumed()), split=True)
+        yield from self._finished(records, staged, tuple(pieces.assumed()), split=True, told=False)
 
-    def _finished(self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], *, split: bool) -> Stages:
+    def _finished(
+        self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], *, split: bool, told: bool
+    ) -> Stages:
         """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model."""
         samples = sum(int(record.using("estimation").sum()) for record in records)
         wanted = samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
@@ -161,7 +163,7 @@ class WienerHammerstein(Method):
             yield staged._replace(missing=staged.missing + assumed)
             return
         try:
-            found, model = whole_record(records, staged, self.degree)
+            found, model = whole_record(records, staged, self.degree, told=told)
         except (WhidError, ValueError, np.linalg.LinAlgError) as fault:  # the stages before it still stand
             yield staged._replace(missing=(*staged.missing, *assumed, f"the whole-record fit failed: {fault}"))
             return
