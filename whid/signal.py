@@ -199,12 +199,32 @@ def at(values: Floats, tau: Floats) -> Floats:
     Returns (…, m) or (…, k, m).
     """
     q = values.shape[-2]
-    share = legendre.legvander(2 * tau - 1, q - 1) @ rule(q).to_legendre  # (…, m, q): what every node contributes
+    share = rule(q).to_legendre.T @ legendre_at(tau.ravel(), q)  # (q, …): what every node contributes
+    shares = share.reshape(q, *tau.shape)
     nodes = values if tau.ndim == 1 else values[..., None, :, :]
-    found = share[..., 0] * nodes[..., 0, :]
+    found = shares[0] * nodes[..., 0, :]
     for node in range(1, q):
-        found += share[..., node] * nodes[..., node, :]
+        found += shares[node] * nodes[..., node, :]
     return np.asarray(found, float)
+
+
+def legendre_at(tau: Floats, count: int) -> Floats:
+    """Return P₀ … P_{count−1} in 2τ − 1, (count, m): numpy's vander transposed, which is written in order.
+
+    >>> legendre_at(np.array([0.0, 0.5, 1.0]), 3)
+    array([[ 1. ,  1. ,  1. ],
+           [-1. ,  0. ,  1. ],
+           [ 1. , -0.5,  1. ]])
+    """
+    x, out = 2 * tau - 1, np.empty((count, len(tau)))
+    out[0] = 1.0
+    if count > 1:
+        out[1] = x
+    for n in range(2, count):  # n Pₙ = (2n − 1) x Pₙ₋₁ − (n − 1) Pₙ₋₂
+        np.multiply(x, out[n - 1], out=out[n])
+        out[n] *= (2 * n - 1) / n
+        out[n] -= (n - 1) / n * out[n - 2]
+    return out
 
 
 def rms(x: Any) -> float:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from whid.signal import NO_IMPULSES, Floats, Impulses, Panels, Signal, Splits, rule
+from whid.signal import NO_IMPULSES, Floats, Impulses, Panels, Signal, Splits, legendre_at, rule
 
 Array = NDArray[Any]
 CLUSTERED = 1e7  # condition of the map to lfilter's delays, beyond it the cascade runs, on samples
+ROUNDING = 2e-15  # of the largest coefficient: what the projection on polynomials leaves of any function
 SENSITIVE = 1e4  # what the direct form makes of rounding, beyond it the cascade runs, between samples
 
 
@@ -111,7 +112,7 @@ class Realised:
 def _short(series: Array) -> Array:
     """Return a Legendre series without the coefficients behind the last one that is more than rounding."""
     size = np.abs(series).reshape(len(series), -1).max(axis=1, initial=0.0)
-    return series[: 1 + int(np.flatnonzero(size > 1e-16 * size.max(initial=0.0)).max(initial=0))]
+    return series[: 1 + int(np.flatnonzero(size > ROUNDING * size.max(initial=0.0)).max(initial=0))]
 
 
 def _flows(a: Array, tau: Floats) -> Array:
@@ -276,8 +277,8 @@ def _product(matrix: Array, values: Floats) -> Array:
 
 def _series(coefficients: Array, tau: Floats) -> Array:
     """Return Legendre series (k, …) in 2τ − 1 at τ of any shape: (…, *τ.shape)."""
-    terms = legendre.legvander(2 * tau.ravel() - 1, len(coefficients) - 1)
-    found = _product(coefficients.reshape(len(coefficients), -1).T, np.asarray(terms.T, float))
+    terms = legendre_at(tau.ravel(), len(coefficients))
+    found = _product(coefficients.reshape(len(coefficients), -1).T, terms)
     return np.asarray(found.reshape(*coefficients.shape[1:], *tau.shape))
 
 
