@@ -191,18 +191,21 @@ def _triangle(rows: Floats) -> Floats:
     are. Rᵀ Qᵀr = Jᵀr, the slope, is good to rounding in any case.
     """
     size = np.sqrt(np.einsum("ij,ij->j", rows, rows))
-    if len(rows) < 5 * rows.shape[1] or not np.all(size > 0) or not np.all(np.isfinite(size)):
+    if len(rows) < 5 * rows.shape[1] or not np.all(np.isfinite(size)):
         return np.asarray(np.linalg.qr(rows, mode="r"), float)
+    empty = size == 0  # nothing of this number was seen here
+    size[empty] = 1.0
     try:
-        gram = rows.T @ rows / np.outer(size, size)
+        gram = rows.T @ rows / np.outer(size, size) + np.diag(empty.astype(float))
         first = np.linalg.cholesky(gram).T
+        size[empty] = 0.0
         least = np.abs(np.diag(first)).min()
         if least > 1e-3:
             return np.asarray(first * size, float)
         if least < 1e-5:
             return np.asarray(np.linalg.qr(rows, mode="r"), float)
-        scaled = rows @ (np.linalg.inv(first) / size[:, None])
-        return np.asarray(np.linalg.cholesky(scaled.T @ scaled).T @ first * size, float)
+        scaled = rows @ (np.linalg.inv(first) / np.where(empty, 1.0, size)[:, None])
+        return np.asarray(np.linalg.cholesky(scaled.T @ scaled + np.diag(empty.astype(float))).T @ first * size, float)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.qr(rows, mode="r"), float)
 

@@ -73,6 +73,20 @@ class Panels(NamedTuple):
     impulses: Impulses = NO_IMPULSES
 
 
+class Sparse(NamedTuple):
+    """The panels of a stack (p rows): the first rows as they are, and of the rest the few that are not 0 on each panel.
+
+    On interval n row place[k, n] is values[k, :, n]; likewise on the sub-panels, whose borders stand in `dense`. A place of
+    −1 is no row. `dense` has the first rows; the impulses in it are those of all.
+    """
+
+    dense: Panels  # (p₀, q, n)
+    place: Ints  # (r, n)
+    values: Floats  # (r, q, n)
+    split_place: Ints  # (r, m)
+    split_values: Floats  # (r, q, m)
+
+
 Between = Literal["discrete", "zoh"] | Callable[[], Panels]
 
 
@@ -85,6 +99,7 @@ class Signal:
     t0      time of the first sample, s
     between "discrete", "zoh", or a function that returns the `Panels` (called once, when somebody needs them)
     order   number of nodes an interval (q)
+    sparse  the same panels of a stack of mostly zeros, made for a fraction of the cost; None where that is all there is
     """
 
     values: Floats
@@ -92,6 +107,7 @@ class Signal:
     t0: float = 0.0
     between: Between = "discrete"
     order: int = 4
+    sparse: Callable[[], Sparse] | None = None
 
     @cached_property
     def panels(self) -> Panels:

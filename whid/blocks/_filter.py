@@ -244,20 +244,54 @@ def _states(r: Realised, drive: Array, x0: Array) -> tuple[Array, Array]:
 
 def _arrived(signal: Signal, weights: Array, kernel: Array) -> Array:
     """Return Σ weight·value over the nodes of every interval (…, s, N), or of its sub-panels; impulses too."""
-    panels, dt = signal.panels, signal.dt
+    if signal.sparse is None:
+        return _from_panels(signal.panels, signal.dt, weights, kernel)
+    sparse, rows = signal.sparse(), len(signal.values)
+    s, i = sparse.dense.splits, sparse.dense.impulses
+    share = _share(s, kernel, sparse.values.shape[-2]) if len(s.interval) else None
+    dense = _from_panels(sparse.dense._replace(impulses=NO_IMPULSES), signal.dt, weights, kernel, share)
+    first = len(dense)
+    drive = np.zeros((rows + 1, len(weights), signal.samples), dense.dtype)  # the last one for what belongs to no row
+    drive[:first] = dense
+    own, every = _product(weights, sparse.values), np.arange(signal.samples)
+    own[..., s.interval] = 0.0
+    target = drive[first:].swapaxes(1, 2)
+    for place, value in zip(sparse.place, own, strict=True):  # on one interval no two of them are the same row
+        target[place, every] += value.T
+    if share is not None:
+        inner = _weighed(share, sparse.split_values)
+        for place, value in zip(sparse.split_place, inner, strict=True):
+            np.add.at(target, (place, s.interval), value.T)
+    if len(i.interval):
+        _add(drive[:rows], i.interval, _series(kernel, 1 - i.at) / signal.dt * i.area[..., None, :])
+    return drive[:rows]
+
+
+def _from_panels(panels: Panels, dt: float, weights: Array, kernel: Array, share: Array | None = None) -> Array:
     drive = _product(weights, panels.values)
     s, i = panels.splits, panels.impulses
     if len(s.interval):
-        q = s.values.shape[-2]
-        share = _series(kernel, 1 - (s.start + s.width * rule(q).nodes[:, None])) * (rule(q).weights[:, None] * s.width)
-        inner = share[:, 0] * s.values[..., None, 0, :]
-        for node in range(1, q):
-            inner += share[:, node] * s.values[..., None, node, :]
+        share = _share(s, kernel, s.values.shape[-2]) if share is None else share
         first = np.flatnonzero(np.diff(s.interval, prepend=-1))
-        drive[..., s.interval[first]] = np.add.reduceat(inner, first, axis=-1)
+        drive[..., s.interval[first]] = np.add.reduceat(_weighed(share, s.values), first, axis=-1)
     if len(i.interval):
         _add(drive, i.interval, _series(kernel, 1 - i.at) / dt * i.area[..., None, :])
     return drive
+
+
+def _share(s: Splits, kernel: Array, q: int) -> Array:
+    """Return what the value at each node of each sub-panel adds to the state at the end of its interval (s, q, m)."""
+    return np.asarray(
+        _series(kernel, 1 - (s.start + s.width * rule(q).nodes[:, None])) * (rule(q).weights[:, None] * s.width)
+    )
+
+
+def _weighed(share: Array, values: Floats) -> Array:
+    """Return Σ over the nodes of share·values (…, s, m); values (…, q, m)."""
+    found = share[:, 0] * values[..., None, 0, :]
+    for node in range(1, values.shape[-2]):
+        found += share[:, node] * values[..., None, node, :]
+    return np.asarray(found)
 
 
 def _add(out: Array, index: Any, values: Array) -> None:

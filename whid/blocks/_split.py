@@ -268,7 +268,10 @@ def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
 
 def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
-    tau = (low + high) / 2
+    ends = _evaluate(course, low), _evaluate(course, high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tau = low + (high - low) * (target - ends[0]) / (ends[1] - ends[0])  # where a straight line would
+    tau = np.where((tau >= low) & (tau <= high), tau, (low + high) / 2)
     low, high, last = low.copy(), high.copy(), np.ones(len(tau))
     open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
     target = np.broadcast_to(target, tau.shape)

@@ -12,7 +12,7 @@ import numpy as np
 from whid.blocks._block import Block, State, Tangents
 from whid.blocks._split import Crossings, onto, sides, split, value_at
 from whid.blocks._stack import Bundle, stacked
-from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal
+from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal, Sparse
 
 Course = Callable[[], tuple[Panels, Crossings]]  # the input's panels, split at the breakpoints, made when needed
 
@@ -37,6 +37,13 @@ class Static(Block):
         """Write ∂f(v)/∂name into the rows of out (k, *v.shape); a leaf whose rows have work in common does it once."""
         for row, name in zip(out, names, strict=True):
             row[...] = self.sensitivity(v, name)
+
+    def few(self, v: Floats, names: Sequence[str]) -> tuple[Ints, Floats] | None:
+        """Return what of `sensitivities` is not 0 on panels that each lie on one piece of f, None where that is most of it.
+
+        v (q, n) → the places in `names` (r, n), −1 where there is none, and the values there (r, q, n).
+        """
+        return None
 
     def breakpoints(self) -> Floats:
         """Return the ascending v at which f or f′ jumps."""
@@ -65,17 +72,26 @@ class Static(Block):
         if not callable(signal.between) and (stack is None or not callable(stack.between)):
             return Tangents(out, Bundle(signal.with_values(values)), None)
 
-        def between() -> Panels:
+        def between(names: Sequence[str] = wrt) -> Panels:
             panels, crossings = course()
             s = panels.splits
             along = None if stack is None else onto(stack, s)
-            dense = self._rates(panels.values, None if along is None else along.values, wrt)
+            dense = self._rates(panels.values, None if along is None else along.values, names)
             if len(s.interval):
-                s = s._replace(values=self._rates(s.values, None if along is None else along.splits.values, wrt))
+                s = s._replace(values=self._rates(s.values, None if along is None else along.splits.values, names))
             own = self._impulses(crossings, along, wrt, signal.dt)
             return Panels(dense, s, own if along is None else _joined(own, self._passed(panels, along.impulses, len(wrt))))
 
-        return Tangents(out, Bundle(signal.with_values(values, between)), None)
+        def sparse() -> Sparse:
+            panels, _ = course()
+            found = [self.few(v, wrt) for v in (panels.values, panels.splits.values) if v.size]
+            (place, inner), *split_up = [each for each in found if each is not None]
+            none = np.empty((len(place), 0), np.intp), np.empty((len(place), len(panels.values), 0))
+            return Sparse(between(()), place, inner, *(split_up[0] if split_up else none))
+
+        mostly_zeros = len(wrt) > 1 and self.few(signal.values[None, :1], wrt) is not None
+        rates = Signal(values, signal.dt, signal.t0, between, signal.order, sparse if mostly_zeros else None)
+        return Tangents(out, Bundle(rates), None)
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
         """Return f(level); a static block has no state."""

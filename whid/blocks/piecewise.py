@@ -14,7 +14,7 @@ from whid.blocks._block import Free
 from whid.blocks._knee import Knee, bump, checked, edge_rates, edges, flatter, lean, tilt, wider
 from whid.blocks._static import Static
 from whid.errors import WhidError
-from whid.signal import Floats
+from whid.signal import Floats, Ints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +96,18 @@ class Piecewise(Static):
             while len(powers) <= int(place[1]):
                 powers.append(powers[-1] * v)
             np.multiply(inside[int(place[0])], powers[int(place[1])], out=row)
+
+    def few(self, v: Floats, names: Sequence[str]) -> tuple[Ints, Floats] | None:
+        """Return the powers on the piece that each panel lies on, unless knees round the breaks."""
+        if self.knee is not None:
+            return None
+        degree = max(len(c) for c in self.pieces)
+        row_of = np.full((degree, len(self.pieces)), -1)
+        for row, name in enumerate(names):
+            head, *at = name.split(".")
+            if head == "pieces":
+                row_of[int(at[1]), int(at[0])] = row
+        return row_of[:, self._piece(v[len(v) // 2])], v ** np.arange(degree)[:, None, None]
 
     def breakpoints(self) -> Floats:
         """Return the breaks, or where their knees begin and end."""

@@ -93,6 +93,24 @@ class Table(Static):
                 hit = np.flatnonzero(row >= 0)
                 rows[row[hit], place[hit]] = (height if head == "outputs" else height * sideways).ravel()[hit]
 
+    def few(self, v: Floats, names: Sequence[str]) -> tuple[Ints, Floats] | None:
+        """Return the hats of the two points that each panel lies between, unless knees round them."""
+        if self.knee is not None:
+            return None
+        middle = len(v) // 2
+        k = self._cell(v[middle])[0]
+        x = np.clip(v, self.inputs[0], self.inputs[-1]) if self.beyond == "hold" else v
+        share = (x - np.take(self.inputs, k)) / np.take(np.diff(self.inputs), k)
+        heads = [head for head in ("outputs", "inputs") if any(name.startswith(head) for name in names)]
+        sideways = np.where(x == v, -np.take(self._slopes(), k), 0.0)
+        place, values = [], []
+        for head in heads:
+            mine = {int(name.partition(".")[2]): row for row, name in enumerate(names) if name.startswith(head)}
+            row_of = np.array([mine.get(point, -1) for point in range(len(self.inputs))])
+            place += [row_of[k], row_of[k + 1]]
+            values += [h if head == "outputs" else h * sideways for h in (1 - share, share)]
+        return np.array(place), np.array(values)
+
     def breakpoints(self) -> Floats:
         """Return the points where the slope changes, or where their knees begin and end."""
         return edges(self._corners(), self.knee)

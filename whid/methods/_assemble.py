@@ -112,6 +112,16 @@ def from_rational(
     return Model(System(chain=blocks), order._replace(null_directions=empty), normalisation, missing)
 
 
+def rivals_of(fit: Rational, system: System) -> list[System]:
+    """Return the system with the linear blocks of every rival of the joint fit."""
+    found = []
+    for parts in fit.alternatives():
+        front_num, front_den, back_num, back_den = (tuple(map(float, part)) for part in parts)
+        front, back = Linear(num=front_num, den=front_den), Linear(num=back_num, den=back_den)
+        found.append(System(chain=(front, *system.chain[1:-1], back)))
+    return found
+
+
 def from_lags(
     found: Lags, f: Block, pieces: Segmentation, noise_std: float, normalisation: str, missing: tuple[str, ...]
 ) -> Model:

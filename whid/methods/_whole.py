@@ -60,10 +60,10 @@ class WholeRecord(NamedTuple):
 
 
 def whole_record(
-    records: Sequence[Record], model: Model, max_degree: int, *, told: bool = False
+    records: Sequence[Record], model: Model, max_degree: int, *, rivals: Sequence[System] = (), told: bool = False
 ) -> tuple[WholeRecord, Model]:
     """Fit all numbers of a staged model at once, trying kink against jump at every border, one degree more or less, and
-    the linear blocks with a root less where their orders were not told.
+    where the orders of the linear blocks were not told those of the rivals and each block with a root less.
 
     A jump's break starts where the transitions between levels put it in its gap. A change is kept when −2 log L falls by
     more than 10.8 a number (p = .001 of one that is none; log N of 50 000 samples, so BIC). The linear blocks keep their
@@ -73,6 +73,8 @@ def whole_record(
     place = next((k for k, block in enumerate(model.system.chain) if isinstance(block, Piecewise)), -1)
     start = located(model.system, records, place) if place > 0 else model.system
     search = Search(records, place, max_degree, refine(start, records, fixed=held(start, place)))
+    if not told:
+        search.orders(rivals)
     if place >= 0:
         search.borders()
         search.degrees()
@@ -171,6 +173,14 @@ class Search:
         if self._better(replaced(self.best.system, self.place, replace(f, pieces=pieces))):
             degrees = len(piece) - 1, len(f.pieces[k]) - 1
             self.decided.append("piece {} has degree {}, which the levels read as {}".format(k + 1, *degrees))
+
+    def orders(self, rivals: Sequence[System]) -> None:
+        """Try the linear blocks of every rival, which the stages could not tell from theirs, with f as it is now."""
+        for rival in rivals:
+            chain = (rival.chain[0], *self.best.system.chain[1:-1], rival.chain[-1])
+            if self._better(replace(rival, chain=chain)):
+                poles = [len(block.den or ()) - 1 for block in (chain[0], chain[-1]) if isinstance(block, Linear)]
+                self.decided.append(f"front and back have {poles[0]} and {poles[1]} poles, a rival of what the stages found")
 
     def roots(self) -> None:
         """Take poles and zeros away as long as one is not worth its price."""

@@ -133,7 +133,8 @@ class WienerHammerstein(Method):
         missing = said + self._missing(any(left), data, fit)
         staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
         assumed = tuple(pieces.assumed(unseen(pieces, data)))
-        yield from self._finished(records, staged, assumed, split=not is_affine(static), told=orders is not None)
+        rivals = None if orders else assemble.rivals_of(fit, staged.system)
+        yield from self._finished(records, staged, assumed, rivals, split=not is_affine(static))
 
     def _from_steps(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
@@ -151,19 +152,22 @@ class WienerHammerstein(Method):
         yield found
         missing = said + self._missing_steps(found)
         staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
-        yield from self._finished(records, staged, tuple(pieces.assumed()), split=True, told=False)
+        yield from self._finished(records, staged, tuple(pieces.assumed()), [], split=True)
 
     def _finished(
-        self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], *, split: bool, told: bool
+        self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], rivals: list[System] | None, *, split: bool
     ) -> Stages:
-        """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model."""
+        """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model.
+
+        rivals: systems with other orders that the stages could not tell apart; None where the orders were told.
+        """
         samples = sum(int(record.using("estimation").sum()) for record in records)
         wanted = samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
         if not (wanted and split):
             yield staged._replace(missing=staged.missing + assumed)
             return
         try:
-            found, model = whole_record(records, staged, self.degree, told=told)
+            found, model = whole_record(records, staged, self.degree, rivals=rivals or (), told=rivals is None)
         except (WhidError, ValueError, np.linalg.LinAlgError) as fault:  # the stages before it still stand
             yield staged._replace(missing=(*staged.missing, *assumed, f"the whole-record fit failed: {fault}"))
             return

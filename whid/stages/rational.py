@@ -49,6 +49,8 @@ class Rational(NamedTuple):
     phase_covariance: Annotated[Floats, Quantity("rad**2", dims=("phase", "phase"))]  # front, then back
     tried: Annotated[NDArray[np.intp], Quantity(dims=("candidate", "order"))]
     bic: Annotated[Floats, Quantity(dims=("candidate",))]
+    rival: Annotated[NDArray[np.intp], Quantity(dims=("rival", "order"))]  # orders that BIC cannot tell from the best
+    rival_numbers: Annotated[Floats, Quantity(dims=("rival", "number"))]  # b and a of front, b and a of back, then NaN
     reference: Annotated[float, Quantity("rad/s")]
     starts: int  # of the chosen orders, and how many of them ended in the same, best minimum
     agreeing: int
@@ -81,9 +83,15 @@ class Rational(NamedTuple):
 
     def rivals(self) -> tuple[str, ...]:
         """Return the orders (zeros/poles of front, of back) that BIC cannot tell from the best: less than 6 behind."""
-        order = np.argsort(self.bic)
-        close = [int(i) for i in order[1:] if self.bic[i] < self.bic[order[0]] + RIVAL]
-        return tuple("{}/{}, {}/{} (+{:.1f})".format(*self.tried[i], self.bic[i] - self.bic[order[0]]) for i in close)
+        order = np.argsort(self.bic)[: 1 + len(self.rival)]
+        return tuple("{}/{}, {}/{} (+{:.1f})".format(*self.tried[i], self.bic[i] - self.bic[order[0]]) for i in order[1:])
+
+    def alternatives(self) -> Iterator[tuple[Floats, Floats, Floats, Floats]]:
+        """Yield num and den of front, num and den of back, descending, of every rival, the nearest first."""
+        for orders, numbers in zip(self.rival, self.rival_numbers, strict=True):
+            parts = np.split(numbers[: orders.sum()], np.cumsum(orders)[:-1])
+            front_num, front_den, back_num, back_den = (np.append(part[::-1], 1.0) for part in parts)
+            yield front_num, front_den, back_num, back_den
 
     def metrics(self) -> dict[str, Measured]:
         """Return gains and phases by name, `front.gain@0.02`."""
@@ -287,11 +295,17 @@ def _result(best: _Fitted, search: _Search, starts: int, agreeing: int) -> Ratio
     phase = np.concatenate([_phase(best.problem.front, theta[: m + n]), _phase(best.problem.back, theta[m + n :])])
     order = sorted(search.seen)
     bic = np.array([search.seen[o].bic for o in order])
+    rivals = [order[i] for i in np.argsort(bic)[1:] if bic[i] < bic.min() + RIVAL]
+    numbers = np.full((len(rivals), max([0, *map(sum, rivals)])), np.nan)
+    for row, orders in zip(numbers, rivals, strict=True):
+        power = np.concatenate([np.arange(1, count + 1) for count in orders])
+        row[: sum(orders)] = np.concatenate(_coefficients(search.seen[orders])) * search.reference**-power
     return Rational(
         *tops[0], *tops[1], *tops[2], *tops[3],
         search.omegas[0], abs(g[:split]), abs(g[:split]) * log_gain[:split], phase[:split], phase_std[:split],
         search.omegas[1], abs(g[split:]), abs(g[split:]) * log_gain[split:], phase[split:], phase_std[split:],
-        phases, np.array(order), bic, search.reference, starts, agreeing, best.estimate,
+        phases, np.array(order), bic, np.array(rivals, np.intp).reshape(-1, 4), numbers, search.reference,
+        starts, agreeing, best.estimate,
     )  # fmt: skip
 
 
