@@ -19,6 +19,8 @@ class Candidate(NamedTuple):
                candidate without any is judged as it stands
     rough      those whose derivative does not lead a fit (a quantiser's step), with the reach of a search without it
     tried      values of further numbers that were looked at to come to this start
+    seen       nats by which the raw record speaks for it, without any model
+    read       numbers that were read off the record and are held, with their standard error
     """
 
     system: System
@@ -27,6 +29,8 @@ class Candidate(NamedTuple):
     amplitude: tuple[str, ...] = ()
     rough: tuple[tuple[str, float], ...] = ()
     tried: int = 1
+    seen: float = 0.0
+    read: tuple[tuple[str, float], ...] = ()
 
     @property
     def values(self) -> dict[str, float]:

@@ -72,7 +72,7 @@ def gain(look: Look, chi2: float, candidate: Candidate) -> float:
     """Return the log-likelihood that a fall of χ² to `chi2` gains, the effect's numbers and the values tried paid."""
     n = look.samples
     likelihood = n / 2 * np.log(look.chi2 / max(chi2, 1e-300))
-    return float(likelihood - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
+    return float(likelihood + candidate.seen - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
 
 
 def _screened(effect: Effect, candidate: Candidate, look: Look) -> Screened | None:

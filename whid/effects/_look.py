@@ -15,6 +15,7 @@ from whid.effects._candidate import Candidate
 from whid.errors import WhidError
 from whid.predict import chunks, input_signal
 from whid.record import Record
+from whid.refine import Past, past
 from whid.signal import Floats, Signal
 from whid.stages._whiten import whitened
 from whid.system import System
@@ -109,8 +110,8 @@ class Look:
         rest = Chain(chain=system.chain[same:]) if same < len(system.chain) else None
         try:
             found = tuple(
-                x.values if rest is None else rest.step(x, begun(rest, x, record))[0].values
-                for record, x in zip(self.records, self.courses(same), strict=True)
+                (x.values if rest is None else rest.step(x, begun(rest, x, record))[0].values)[before.lead :]
+                for record, x, before in zip(self.records, self.courses(same), self.past, strict=True)
             )
         except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
             return None
@@ -132,19 +133,27 @@ class Look:
         names = [_shifted(name, same) for name in candidate.amplitude]
         found = []
         try:
-            for record, x in zip(self.records, self.courses(same), strict=True):
+            for record, x, before in zip(self.records, self.courses(same), self.past, strict=True):
                 _, tangents, _ = rest.tangent(x, [], names, begun(rest, x, record))
-                found.append(np.array([t.values for t in tangents]).T)
+                found.append(np.array([t.values[before.lead :] for t in tangents]).T)
         except (WhidError, ValueError, np.linalg.LinAlgError, OverflowError):
             return None
         return self.rest(self.rows(found)) if all(np.all(np.isfinite(j)) for j in found) else None
 
+    @cached_property
+    def past(self) -> tuple[Past, ...]:
+        """Return what stands for every record's past: held levels that explain it best, none unless its state is free."""
+        return tuple(past(self.system.tree, record, self.path) for record in self.records)
+
     def courses(self, place: int) -> tuple[Signal, ...]:
-        """Return what enters the block at a place of the system's own chain, its course between samples with it."""
+        """Return what enters the block at a place of the system's own chain, its course between samples with it.
+
+        What stands for an unknown past comes first (`past[k].lead` samples).
+        """
         if place not in self._courses:
             found = []
-            for record in self.records:
-                u = input_signal(self.system.tree, record, self.path)
+            for record, before in zip(self.records, self.past, strict=True):
+                u = before.joined(input_signal(self.system.tree, record, self.path))
                 head = Chain(chain=self.system.chain[:place]) if place else None
                 found.append(u if head is None else head.step(u, begun(head, u, record))[0])
             self._courses[place] = tuple(found)
@@ -153,7 +162,7 @@ class Look:
     def signal(self, place: int) -> tuple[Floats, ...]:
         """Return the samples of what enters the block at a place of the series (len: what leaves the last)."""
         if self.system.series_path == "chain.":
-            return tuple(course.values for course in self.courses(place))
+            return tuple(x.values[before.lead :] for x, before in zip(self.courses(place), self.past, strict=True))
         blocks = self.system.series[:place]
         return tuple(respond(Chain(chain=blocks), r, self.path) if blocks else np.asarray(r.u, float) for r in self.records)
 
@@ -174,7 +183,10 @@ class Look:
     @cached_property
     def _linearised(self) -> tuple[tuple[Floats, ...], Floats, tuple[Floats, ...]]:
         names = [p.name for p in self.system.tree.parameters()]
-        pairs = [sensitivities(self.system.tree, record, names, self.path) for record in self.records]
+        pairs = [
+            sensitivities(self.system.tree, record, names, self.path, before)
+            for record, before in zip(self.records, self.past, strict=True)
+        ]
         return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs]), tuple(j for _, j in pairs)
 
     def sensitivity(self, record: int) -> Floats:
@@ -232,13 +244,13 @@ def begun(tree: Block, u: Signal, record: Record) -> object:
     return STEADY
 
 
-def sensitivities(tree: Block, record: Record, names: Sequence[str], path: str) -> tuple[Floats, Floats]:
-    """Return the response of a tree and its derivatives with respect to free numbers, (N,) and (N, p)."""
-    u = input_signal(tree, record, path)
-    state = begun(tree, u, record)
-    y, j = np.empty(len(record)), np.empty((len(record), len(names)))
-    for part in chunks(len(record), tree):
-        out, tangents, state = tree.tangent(u[part], [], list(names), state)
+def sensitivities(tree: Block, record: Record, names: Sequence[str], path: str, before: Past) -> tuple[Floats, Floats]:
+    """Return the response of a tree and its derivatives by its free numbers, then by levels of the past, (N,) and (N, p)."""
+    u = before.joined(input_signal(tree, record, path))
+    state, seeds = begun(tree, u, record), before.seeds(u)
+    y, j = np.empty(len(u.values)), np.empty((len(u.values), len(names) + len(seeds)))
+    for part in chunks(len(u.values), tree):
+        out, tangents, state = tree.tangent(u[part], [seed[part] for seed in seeds], list(names), state)
         y[part] = out.values
-        j[part] = np.array([t.values for t in tangents]).reshape(len(names), -1).T
-    return y, j
+        j[part] = np.array([t.values for t in tangents]).reshape(j.shape[1], -1).T
+    return y[before.lead :], j[before.lead :, [*range(len(seeds), j.shape[1]), *range(len(seeds))]]

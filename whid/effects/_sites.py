@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from whid.blocks._block import Block
 from whid.blocks._static import Static
 from whid.blocks.chain import Chain
@@ -15,6 +17,7 @@ from whid.effects._candidate import Candidate
 from whid.system import System
 
 DYNAMIC = ("linear", "delay")
+FAR = 1e9  # in units of anything: where a clip is flat
 Core = tuple[int, int]  # where in the series the declared blocks begin and end: what stands outside was added
 
 
@@ -55,6 +58,12 @@ class Sites:
     def nonlinear(self) -> list[int]:
         """Return the places of the declared blocks that are not linear."""
         return [k for k in range(*self.core) if not _linear(self.blocks[k])]
+
+    @property
+    def railed(self) -> bool:
+        """Tell whether the last block is a static curve that is constant far out: the output has rails of its own."""
+        last = self.blocks[-1]
+        return isinstance(last, Static) and bool(np.any(last.derivative(np.array([-FAR, FAR])) == 0))
 
     @property
     def moving(self) -> bool:

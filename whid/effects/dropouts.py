@@ -7,14 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from whid.diagnostics.standing import frozen
 from whid.disturbances.dropouts import Dropouts as Hanging
 from whid.effects._effect import Place
 from whid.effects._look import Bools, Look
 from whid.effects._noisy import Fitted, NoiseEffect
 from whid.effects._sites import Sites
-from whid.signal import Floats
-
-RUN = 3  # equal values in a row that noise does not make
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +29,7 @@ class Dropouts(NoiseEffect):
         """Return the frozen samples; each that noise would have moved is a nat or more."""
         if any(noise.kind == "dropouts" for noise in look.system.noise):
             return None
-        found = [frozen(r.y, use) for r, use in zip(look.records, look.use, strict=True)]
+        found = [frozen(r.y, r.u, use) for r, use in zip(look.records, look.use, strict=True)]
         count = sum(int(f.sum()) for f in found)
         if count < 2:
             return None
@@ -53,22 +51,3 @@ class Dropouts(NoiseEffect):
             pairs += int(free.sum())
             equal += int((np.diff(r.y) == 0)[free].sum())
         return equal / max(pairs, 1)
-
-
-def frozen(y: Floats, use: Bools) -> Bools:
-    """Return where a sample repeats the one before in a run of RUN equal values or more, the rails left out.
-
-    >>> frozen(np.array([9.0, 1.0, 2.0, 2.0, 2.0, 3.0, 0.0]), np.ones(7, bool)).astype(int)
-    array([0, 0, 0, 1, 1, 0, 0])
-    """
-    known = np.where(use, y, np.nan)
-    same = np.append(False, np.diff(known) == 0)
-    if not same.any():
-        return same
-    rail = (known == np.nanmax(known)) | (known == np.nanmin(known))
-    starts = np.flatnonzero(same & ~np.append(False, same[:-1]))
-    for start in starts:
-        stop = start + int(np.argmin(np.append(same[start:], False)))
-        if stop - start + 1 < RUN:
-            same[start:stop] = False
-    return np.asarray(same & ~rail)

@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from whid.blocks.quantizer import Quantizer as Steps
+from whid.diagnostics.lattice import lattice
 from whid.disturbances.rounding import Rounding
 from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Place, Screened
 from whid.effects._look import Look
 from whid.effects._noisy import Fitted, NoiseEffect
 from whid.effects._sites import Sites
-from whid.signal import Floats
 
 LEVELS = np.arange(3.0, 160.0, 0.5)  # in the range; half a level more or less and nothing is explained
 VISIBLE = 0.2  # of σ: a finer step is how the file was written, not what the converter does
@@ -51,22 +51,3 @@ class Quantizer(NoiseEffect):
         if step is None or step < VISIBLE * spread or any(n.kind == "rounding" for n in look.system.noise):
             return None
         return Fitted(Rounding(std=step / np.sqrt(12)), float(look.samples), {"step": step}, {"step": 0.0}, look.noises)
-
-
-def lattice(y: Floats) -> float | None:
-    """Return the step of which all values are multiples, None where they come in no steps.
-
-    >>> round(lattice(0.25 * np.round(np.random.default_rng(0).standard_normal(500) / 0.25)), 9)
-    0.25
-    """
-    values = np.unique(y)
-    if len(values) < 3 or len(values) > len(y) / 3:
-        return None
-    steps = np.diff(values)
-    step = float(steps.min())
-    if not step > 1e-9 * np.abs(values).max():
-        return None
-    count = np.round((values - values[0]) / step)
-    step = float((values[-1] - values[0]) / count[-1])
-    off = np.abs((values - values[0]) / step - np.round((values - values[0]) / step))
-    return step if off.max() < 0.02 else None

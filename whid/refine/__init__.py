@@ -9,7 +9,21 @@ from whid.refine._fit import Watch, refine
 from whid.refine._gains import gains
 from whid.refine._multistart import Starts, multistart
 from whid.refine._noise import Noise
+from whid.refine._past import Past, past
 from whid.refine._profile import profile
 from whid.refine._result import Refined
 
-__all__ = ["Noise", "Refined", "Starts", "Watch", "band", "bound", "gains", "multistart", "profile", "refine"]
+__all__ = [
+    "Noise",
+    "Past",
+    "Refined",
+    "Starts",
+    "Watch",
+    "band",
+    "bound",
+    "gains",
+    "multistart",
+    "past",
+    "profile",
+    "refine",
+]

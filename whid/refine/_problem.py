@@ -68,7 +68,10 @@ class Data:
         key = (path, tree.panel_order(self.record.dt))
         if key not in self._inputs:
             self._inputs[key] = input_signal(tree, self.record, path)
-        u = self._inputs[key]
+        return self.begun(self._inputs[key], past)
+
+    def begun(self, u: Signal, past: Floats) -> Signal:
+        """Return an input with what stands for its past in front of it."""
         return u if not self.past else joined(self._before(u, np.repeat(past, self.past)), u)
 
     def seeds(self, u: Signal) -> list[Signal]:

@@ -12,6 +12,7 @@ from whid.effects._sites import Sites
 from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.system import System
+from whid.trace._forensics import without_suspects
 from whid.trace._gate import gate
 from whid.trace._refit import error2, fitted, polished
 from whid.trace._state import Data, State, with_noise
@@ -23,17 +24,25 @@ BORDERS = ("breaks", "low", "high", "inputs", "at")
 
 
 def base(system: System, data: Data, path: str) -> State:
-    """Return the declared model fitted, the noise with it."""
+    """Return the declared model fitted, the noise with it: to what the raw output gives no reason to doubt.
+
+    What is left over is then looked at on every sample: what hangs, stands alone or meets a rail is for effects to explain.
+    """
     known = data.floor.dof > 0
     noise = Noise(data.floor.std, tuple(data.floor.ar)) if known else Noise()
     count = len(data.seen)
-    look, estimate = fitted(Look(system, data.seen, (noise,) * count, (0, len(system.series)), path))
+    look, estimate = fitted(
+        Look(system, without_suspects(data.seen, data.raw), (noise,) * count, (0, len(system.series)), path)
+    )
     if known and error2(look) > STUCK * look.samples:
         look, estimate = _best_of(system, look, estimate)
     if not known:
         for _ in range(3 if data.coloured else 1):
             look = with_noise(look, data.coloured)
             look, estimate = fitted(look)
+    if any(raw.suspect.any() for raw in data.raw):
+        look = replace(look, records=data.seen, _courses={})
+        look = look if known else with_noise(look, data.coloured)
     return State(look, estimate, gate(look))
 
 

@@ -26,6 +26,7 @@ def residual_report(state: State, data: Data) -> ResidualReport:
     return ResidualReport(
         rms(errors), rms(selection), std, origin, rms(errors) / std, state.gate.p, tuple(t.name for t in tests),
         np.array([t.statistic for t in tests]), np.array([t.p for t in tests]), tuple(t.where for t in tests),
+        tuple(word for raw in data.raw for word in raw.words),
     )  # fmt: skip
 
 
@@ -85,7 +86,7 @@ def _found(added: Refit) -> Found:
     if added.told is not None:
         return Found(added.effect.kind, added.effect.place, added.told.numbers, added.told.std)
     values = added.candidate.values
-    std = dict(zip(added.estimate.names, added.estimate.std.tolist(), strict=True))
+    std = dict(zip(added.estimate.names, added.estimate.std.tolist(), strict=True)) | dict(added.candidate.read)
     short = {
         name: ".".join(name.split(".")[-2:]) if name.split(".")[-1].isdecimal() else name.split(".")[-1] for name in values
     }

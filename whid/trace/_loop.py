@@ -16,7 +16,7 @@ from whid.trace._judge import judged, opened, residual_report
 from whid.trace._left_over import left_over
 from whid.trace._options import Trace
 from whid.trace._round import one_round
-from whid.trace._state import State, data_of
+from whid.trace._state import Data, State, data_of
 
 QUIET = 0.01  # p of the gate above which effects of the input are not looked for again
 OF_TIME = (
@@ -35,7 +35,12 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
     data = data_of(system, records)
     states = [base(system, data, path)]
     yield residual_report(states[0], data)
-    for _ in range(options.rounds):
+    for effects in _leading(options, data):
+        ranking, state = one_round(states[-1], effects, data)
+        if state is not None and _leads(state):
+            yield ranking
+            states = [*states, state]
+    for _ in range(options.rounds + 1 - len(states)):
         ranking, state = one_round(states[-1], _competing(states, options), data)
         yield ranking
         if state is None:
@@ -46,6 +51,22 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
     yield left_over(data.closed, states[0].look, last.look, verdict.floor)
     yield opened(verdict, states, data, path)._replace(seconds=time.perf_counter() - began)
     yield Model(last.look.system, last.estimate, "none")
+
+
+def _leading(options: Trace, data: Data) -> Iterator[tuple[Effect, ...]]:
+    """Yield what is tried before everything else: what the raw output shows, then the input between its samples.
+
+    A wrong course between samples is a delay of about half a sample, which other effects would take on.
+    """
+    every = options.every()
+    if any(raw.railed for raw in data.raw):
+        yield tuple(e for e in every if e.name == "saturation@output")
+    yield tuple(e for e in every if e.name == "intersample@time")
+
+
+def _leads(state: State) -> bool:
+    """Tell whether what came first may stay ahead of all others: the raw output shows it, or it leaves nothing behind."""
+    return state.added is not None and (state.added.candidate.seen > 0 or not state.dirty)
 
 
 def _competing(states: Sequence[State], options: Trace) -> tuple[Effect, ...]:

@@ -46,9 +46,13 @@ class Refit(NamedTuple):
         return bool(np.any(correlation > ENTANGLED))
 
 
-def refit(look: Look, starts: Sequence[Screened], iterations: int = 25) -> Refit | None:
-    """Return the best fit from several starts of one effect, None where none can be simulated."""
-    found = [each for start in starts if (each := _one(look, start, iterations)) is not None]
+def refit(look: Look, starts: Sequence[Screened], iterations: int = 25, *, known: bool = True) -> Refit | None:
+    """Return the best fit from several starts of one effect, None where none can be simulated.
+
+    known: the noise was measured. Else misfit passes for it, and its description weights a fit by what the model lacks: the
+    prediction stays as it is.
+    """
+    found = [each for start in starts if (each := _one(look, start, iterations, known)) is not None]
     return max(found, key=lambda r: r.gain, default=None)
 
 
@@ -64,10 +68,10 @@ def fitted(look: Look, iterations: int = 40, held: Sequence[str] = ()) -> tuple[
     return look.moved(found.system), found.estimate
 
 
-def _one(look: Look, start: Screened, iterations: int) -> Refit | None:
+def _one(look: Look, start: Screened, iterations: int, known: bool) -> Refit | None:
     candidate = start.candidate
     if start.told is not None:
-        return _noisier(look, start, start.told, iterations)
+        return _noisier(look, start, start.told, iterations if known or start.told.hidden is not None else 0)
     try:
         rough = tuple(name for name, _ in candidate.rough)
         if rough:
@@ -100,7 +104,7 @@ def gain_over(before: Look, chi2: float, candidate: Candidate) -> float:
     """Return the nats gained by a fall of the whole error's χ² to `chi2`, penalties paid."""
     n = before.samples
     likelihood = n / 2 * np.log(error2(before) / max(chi2, 1e-300))
-    return float(likelihood - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
+    return float(likelihood + candidate.seen - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
 
 
 def error2(look: Look) -> float:

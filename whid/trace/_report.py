@@ -23,6 +23,7 @@ class ResidualReport(NamedTuple):
     statistic: Annotated[Floats, Quantity("1", ("test",))]
     p_test: Annotated[Floats, Quantity("1", ("test",))]
     where: tuple[str, ...]
+    raw: tuple[str, ...] = ()  # what the output shows without a model
 
     def table(self) -> Table:
         """Return one row a test."""
@@ -31,6 +32,7 @@ class ResidualReport(NamedTuple):
             f"rms {self.rms_estimation:.4g} on estimation, {self.rms_selection:.4g} on selection data; "
             f"noise floor {self.floor:.4g}, {self.floor_from}: ratio {self.ratio:.4g}",
             f"is anything left to explain? p = {self.p:.2g}",
+            *self.raw,
         )
         return Table("Residual", ("test", "statistic", "p", "where it lives"), rows, notes)
 

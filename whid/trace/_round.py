@@ -14,6 +14,7 @@ from whid.stages._whiten import whitened
 from whid.trace._gate import gate
 from whid.trace._refit import Refit, refit
 from whid.trace._report import Ranking
+from whid.trace._selection import Bools
 from whid.trace._state import Data, State, reached
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
@@ -22,6 +23,8 @@ STARTS = 2  # of each
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
 PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
 BEHIND = 0.25  # of the best score: what promises less is not refitted
+BLOCKS = 10  # of a single stretch of selection data, whose gains scatter as the standard error says
+BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
 
 
@@ -44,10 +47,10 @@ def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
         best = max(fits, key=lambda f: f.gain, default=None)
         if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
             break
-        found = refit(look, starts[: 1 if best and _clean(best) else STARTS])
+        found = refit(look, starts[: 1 if best and _clean(best) else STARTS], known=data.floor.dof > 0)
         if found is not None:
             fits.append(found if found.told else _on_selection(look, found, data))
-    good = _in_order([f for f in fits if not _vetoed(f) and not f.entangled], data)
+    good = _in_order([f for f in fits if not _vetoed(f) and not f.entangled and _borne_out(f, data)], data)
     taken = good[0] if good and good[0].gain > NEEDED else None
     ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good)
     if taken is None:
@@ -77,22 +80,48 @@ def _clean(found: Refit) -> bool:
 
 
 def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
-    """Return the refit with its gain on selection data and that gain's standard error."""
-    total, change2 = 0.0, 0.0
+    """Return the refit with its gain on selection data and that gain's standard error.
+
+    Where the noise was measured: that of white noise. Where misfit passes for it, no less than what the gains of blocks
+    scatter by: misfits next to each other are not independent.
+    """
+    gains, change2 = [], 0.0
     for r, old, new, keep, noise in zip(
         data.closed, before.predicted, found.look.predicted, data.selection, found.look.noises, strict=True
     ):
         columns = np.stack([r.y - old, r.y - new], axis=1)
         white = whitened(np.where(keep[:, None], columns, 0.0), keep, np.array(noise.ar))[keep] / noise.std
-        total += float(white[:, 0] @ white[:, 0] - white[:, 1] @ white[:, 1]) / 2
+        gains += _in_blocks((white[:, 0] ** 2 - white[:, 1] ** 2) / 2, keep)
         change2 += float(np.sum((white[:, 0] - white[:, 1]) ** 2))
-    return found._replace(selection=total, selection_std=float(np.sqrt(change2)))
+    scatter = np.std(gains, ddof=1) * np.sqrt(len(gains)) if len(gains) > 1 else 0.0
+    std = float(np.sqrt(change2))
+    return found._replace(selection=float(sum(gains)), selection_std=std if data.floor.dof else max(std, float(scatter)))
+
+
+def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
+    """Return gains at the samples that rank, summed over every stretch of them, a single one in BLOCKS pieces."""
+    ends = np.flatnonzero(np.diff(np.flatnonzero(keep)) > 1) + 1
+    parts = np.split(gain, ends)
+    parts = np.array_split(gain, BLOCKS) if len(parts) == 1 else parts
+    return [float(part.sum()) for part in parts if len(part)]
 
 
 def _vetoed(found: Refit) -> bool:
-    """Tell whether selection data speak against a refit: a loss that chance would not make."""
+    """Tell whether selection data speak against a refit: a loss that chance would not make.
+
+    Not against what the raw record shows without a model.
+    """
+    if found.candidate.seen > NEEDED:
+        return False
     expected = found.selection_std**2 / 2
     return found.selection < -1.0 and found.selection < expected - 2.5 * found.selection_std
+
+
+def _borne_out(found: Refit, data: Data) -> bool:
+    """Tell whether selection data bear a refit out, where nothing else measures the noise: a gain that is no chance."""
+    if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
+        return True
+    return found.selection > BORNE_OUT * found.selection_std
 
 
 def _ranking(

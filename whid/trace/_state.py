@@ -15,6 +15,7 @@ from whid.signal import Floats, rms
 from whid.stages._whiten import autoregression, whitened
 from whid.system import System
 from whid.trace._floor import Floor, floor
+from whid.trace._forensics import Raw, forensics
 from whid.trace._gate import Gate, gate
 from whid.trace._refit import Refit
 from whid.trace._selection import Bools, cut
@@ -28,6 +29,7 @@ class Data(NamedTuple):
     seen       without selection samples too: what is fitted
     selection  where the samples that rank are
     coloured   the declared noise has a memory
+    raw        what the outputs show without a model, one a record
     """
 
     records: tuple[Record, ...]
@@ -36,6 +38,7 @@ class Data(NamedTuple):
     selection: tuple[Bools, ...]
     floor: Floor
     coloured: bool
+    raw: tuple[Raw, ...]
 
 
 def data_of(system: System, records: Sequence[Record]) -> Data:
@@ -44,7 +47,7 @@ def data_of(system: System, records: Sequence[Record]) -> Data:
     closed = [r for r in closed if (r.using("estimation") | r.using("selection")).any()]
     seen, selection = cut(closed)
     coloured = any(noise.kind == "ar" for noise in system.noise)
-    return Data(tuple(records), tuple(closed), seen, selection, floor(closed, coloured), coloured)
+    return Data(tuple(records), tuple(closed), seen, selection, floor(closed, coloured), coloured, forensics(system, closed))
 
 
 class State(NamedTuple):
