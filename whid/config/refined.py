@@ -63,7 +63,4 @@ def _packages(system: System) -> list[str]:
 
 
 def _evidence(verdict: Verdict) -> list[str]:
-    return [
-        f"# added {found.name}: {found.words}; {step.gain:.1f} nat beyond its penalty"
-        for found, step in zip(verdict.effects, verdict.steps[1:], strict=False)
-    ]
+    return [f"# added {found.name}: {found.words}; {found.gain:.1f} nat beyond its penalty" for found in verdict.effects]

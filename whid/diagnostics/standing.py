@@ -47,7 +47,7 @@ def telling(y: Floats, u: Floats) -> Bools:
 def frozen(y: Floats, u: Floats, use: Bools) -> Bools:
     """Return where a sensor hangs: in runs of equal values that tell something, the rails left out.
 
-    A run counts from RUN values on, and from as many as chance would not make once a record: a share c of the pairs are equal
+    A run counts from RUN values on, and from as many as chance would not make once a record: a share c of all pairs is equal
     without a third, so N·(CLUSTERED·c)^(length − 1) < CHANCE. A value that two runs share is the plant's own.
 
     >>> y = np.array([9.0, 1.0, 2.0, 2.0, 2.0, 3.0, 0.0, *np.arange(0.1, 8, 0.1)])

@@ -20,6 +20,7 @@ class Candidate(NamedTuple):
     rough      those whose derivative does not lead a fit (a quantiser's step), with the reach of a search without it
     tried      values of further numbers that were looked at to come to this start
     seen       nats by which the raw record speaks for it, without any model
+    terms      parts of the effect that can do without each other: the name of each and its numbers
     read       numbers that were read off the record and are held, with their standard error
     """
 
@@ -31,6 +32,7 @@ class Candidate(NamedTuple):
     tried: int = 1
     seen: float = 0.0
     read: tuple[tuple[str, float], ...] = ()
+    terms: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     @property
     def values(self) -> dict[str, float]:

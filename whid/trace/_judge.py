@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from whid.signal import rms
+from whid.system import System
 from whid.trace._measure import measured
 from whid.trace._refit import Refit
 from whid.trace._report import ResidualReport
 from whid.trace._state import Data, State
+from whid.trace._terms import order
 from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 
 MOST = 0.5  # of what was left over: what an effect must explain to be named
@@ -42,7 +44,7 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
     first, last = states[0], states[-1]
     std, origin = noise_level(last, data)
     steps = states[1:]
-    found = tuple(_found(s.added) for s in steps if s.added is not None)
+    found = tuple(_found(s.added, _way(s)) for s in steps if s.added is not None)
     rivals = tuple((f.effect.kind, f.effect.place) for f in last.rivals) if steps else ()
     before, after = first.excess(std), last.excess(std)
     explained = 1 - after / before if before > 0 else 1.0
@@ -72,25 +74,46 @@ def opened(verdict: Verdict, states: Sequence[State], data: Data, path: str) -> 
     on = "report" if any(r.using("report").any() for r in data.records) else "estimation"
     kept = states if verdict.verdict in ("explained", "ambiguous") else states[:1]
     steps = tuple(
-        Step(
-            "as declared, refitted" if s.added is None else f"+ {s.added.effect.name}",
-            0.0 if s.added is None else s.added.gain, on,
-            measured(s.look.system, data.records, on, verdict.floor, path),
-        )
-        for s in kept
-    )  # fmt: skip
+        Step(name, gain, on, measured(system, data.records, on, verdict.floor, path))
+        for state in kept
+        for name, gain, system in _named(state)
+    )
     return verdict._replace(on=on, before=steps[0].errors, after=steps[-1].errors, steps=steps)
 
 
-def _found(added: Refit) -> Found:
+def _named(state: State) -> Iterator[tuple[str, float, System]]:
+    """Yield what a state added, the nats that it gained and the model then: one step a term, where there are several."""
+    added = state.added
+    if added is None:
+        yield "as declared, refitted", 0.0, state.look.system
+        return
+    way = _way(state)
+    before = 0.0
+    terms = order(way, added) if way else ("",)
+    for term, each, system in zip(terms, (*way, added), (*_systems(state.way), state.look.system), strict=True):
+        yield f"+ {added.effect.name}{term and ': '}{term}", each.gain - before, system
+        before = each.gain
+
+
+def _systems(states: Sequence[State]) -> tuple[System, ...]:
+    return tuple(state.look.system for state in states)
+
+
+def _way(state: State) -> tuple[Refit, ...]:
+    return tuple(s.added for s in state.way if s.added is not None)
+
+
+def _found(added: Refit, way: Sequence[Refit] = ()) -> Found:
     if added.told is not None:
-        return Found(added.effect.kind, added.effect.place, added.told.numbers, added.told.std)
-    values = added.candidate.values
+        return Found(added.effect.kind, added.effect.place, added.told.numbers, added.told.std, added.gain)
+    every, numbers = added.candidate.values, dict(added.candidate.terms)
+    names = [name for term in order(way, added) for name in numbers[term]]
+    values = {name: every[name] for name in (*names, *(n for n in every if n not in names))}
     std = dict(zip(added.estimate.names, added.estimate.std.tolist(), strict=True)) | dict(added.candidate.read)
     short = {
         name: ".".join(name.split(".")[-2:]) if name.split(".")[-1].isdecimal() else name.split(".")[-1] for name in values
     }
     return Found(
         added.effect.kind, added.effect.place, {short[n]: float(v) for n, v in values.items()},
-        {short[n]: float(std.get(n, float("nan"))) for n in values},
+        {short[n]: float(std.get(n, float("nan"))) for n in values}, added.gain,
     )  # fmt: skip

@@ -41,7 +41,7 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
             yield ranking
             states = [*states, state]
     for _ in range(options.rounds + 1 - len(states)):
-        ranking, state = one_round(states[-1], _competing(states, options), data)
+        ranking, state = one_round(states[-1], _competing(states, options, data), data)
         yield ranking
         if state is None:
             break
@@ -69,9 +69,13 @@ def _leads(state: State) -> bool:
     return state.added is not None and (state.added.candidate.seen > 0 or not state.dirty)
 
 
-def _competing(states: Sequence[State], options: Trace) -> tuple[Effect, ...]:
+def _competing(states: Sequence[State], options: Trace, data: Data) -> tuple[Effect, ...]:
     """Return the effects of a round: once nothing answers to the input, what is left lives in time, or is noise."""
     effects = options.every()
+    if not data.floor.dof and any(s.added is not None and s.added.told and not s.added.told.hidden for s in states):
+        effects = tuple(
+            e for e in effects if e.place != "noise" and e.kind not in ("jitter", "outliers")
+        )  # misfit is described once
     if len(states) == 1 or states[-1].gate.p <= QUIET:
         return effects
     return tuple(e for e in effects if e.place in ("noise", "output", "time") and e.kind in OF_TIME)

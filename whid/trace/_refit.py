@@ -31,6 +31,7 @@ class Refit(NamedTuple):
     gain: float  # nats over the model without it, penalties paid
     selection: float = 0.0  # nats gained on the selection data
     selection_std: float = 0.0
+    blocks: Floats = np.empty(0)  # of the selection data: the gain of each
     told: Told | None = None
 
     @property

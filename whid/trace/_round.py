@@ -12,10 +12,11 @@ from whid.effects._look import Look
 from whid.signal import Floats
 from whid.stages._whiten import whitened
 from whid.trace._gate import gate
-from whid.trace._refit import Refit, refit
+from whid.trace._refit import Refit, error2, refit
 from whid.trace._report import Ranking
 from whid.trace._selection import Bools
 from whid.trace._state import Data, State, reached
+from whid.trace._terms import by_terms
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 FINALISTS = 4  # effects that are refitted in a round
@@ -25,6 +26,8 @@ PROMISING = 3.0  # nats by score, below which a refit would not reach what is ne
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 BLOCKS = 10  # of a single stretch of selection data, whose gains scatter as the standard error says
 BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
+COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
+GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
 
 
@@ -50,27 +53,36 @@ def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
         found = refit(look, starts[: 1 if best and _clean(best) else STARTS], known=data.floor.dof > 0)
         if found is not None:
             fits.append(found if found.told else _on_selection(look, found, data))
-    good = _in_order([f for f in fits if not _vetoed(f) and not f.entangled and _borne_out(f, data)], data)
+    good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
+    good = _in_order(good, data, dirty=here.dirty)
     taken = good[0] if good and good[0].gain > NEEDED else None
     ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good)
     if taken is None:
         return Round(ranking, None)
     rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS)
-    return Round(ranking, reached(taken, data, rivals))
+    state = reached(taken, data, rivals)
+    if len(taken.candidate.terms) > 1:
+        starts = next(starts for starts in ranked if starts[0].effect.name == taken.effect.name)
+        state = state._replace(way=tuple(reached(each, data) for each in by_terms(look, starts, taken)))
+    return Round(ranking, state)
 
 
-def _in_order(fits: Sequence[Refit], data: Data) -> list[Refit]:
+def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:
     """Return refits, the best first: by likelihood where the noise was measured.
 
     Where no period repeats, the last model's misfit passes for noise and likelihoods compare misfits: a free course in
-    time fits any of them. Then the gain on selection data decides, and where that does not, the fewer numbers.
+    time fits any of them. Then the gain on selection data decides, and where that does not, the fewer numbers. And while
+    the residual answers to the input, what answers to the input comes before a course in time, which predicts nothing.
     """
     by_gain = sorted(fits, key=lambda f: -f.gain)
     if data.floor.dof or not fits or any(f.told for f in fits):
         return by_gain
     best = max(fits, key=lambda f: f.selection)
-    worse = best.selection - best.selection_std
-    return sorted(by_gain, key=lambda f: (f.selection < worse, len(f.candidate.new)))
+
+    def worse(f: Refit) -> bool:
+        return f is not best and best.selection - f.selection > _scatter(best.blocks - f.blocks)
+
+    return sorted(by_gain, key=lambda f: (dirty and f.effect.kind in COURSES, worse(f), len(f.candidate.new)))
 
 
 def _clean(found: Refit) -> bool:
@@ -80,22 +92,26 @@ def _clean(found: Refit) -> bool:
 
 
 def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
-    """Return the refit with its gain on selection data and that gain's standard error.
+    """Return the refit with its gain on selection data, that gain's standard error, and the gains of blocks of them.
 
-    Where the noise was measured: that of white noise. Where misfit passes for it, no less than what the gains of blocks
-    scatter by: misfits next to each other are not independent.
+    Where the noise was measured: Σ (e₀² − e₁²)/2σ², with the standard error that white noise makes. Where misfit passes for
+    it, every model predicts with a σ of its own, that of its misfit on the estimation data:
+    Σ log(σ₀/σ₁) + e₀²/2σ₀² − e₁²/2σ₁²; and as misfits next to each other are not independent, the standard error is what the
+    gains of blocks scatter by.
     """
+    known = data.floor.dof > 0
+    ratio = 1.0 if known else float(np.sqrt(max(found.chi2 / error2(before), 1e-300)))  # σ₁/σ₀
     gains, change2 = [], 0.0
     for r, old, new, keep, noise in zip(
         data.closed, before.predicted, found.look.predicted, data.selection, found.look.noises, strict=True
     ):
         columns = np.stack([r.y - old, r.y - new], axis=1)
         white = whitened(np.where(keep[:, None], columns, 0.0), keep, np.array(noise.ar))[keep] / noise.std
-        gains += _in_blocks((white[:, 0] ** 2 - white[:, 1] ** 2) / 2, keep)
+        gains += _in_blocks(-np.log(ratio) + (white[:, 0] ** 2 - (white[:, 1] / ratio) ** 2) / 2, keep)
         change2 += float(np.sum((white[:, 0] - white[:, 1]) ** 2))
-    scatter = np.std(gains, ddof=1) * np.sqrt(len(gains)) if len(gains) > 1 else 0.0
-    std = float(np.sqrt(change2))
-    return found._replace(selection=float(sum(gains)), selection_std=std if data.floor.dof else max(std, float(scatter)))
+    blocks = np.array(gains)
+    std = float(np.sqrt(change2)) if known else _scatter(blocks)
+    return found._replace(selection=float(blocks.sum()), selection_std=std, blocks=blocks)
 
 
 def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
@@ -104,6 +120,11 @@ def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
     parts = np.split(gain, ends)
     parts = np.array_split(gain, BLOCKS) if len(parts) == 1 else parts
     return [float(part.sum()) for part in parts if len(part)]
+
+
+def _scatter(blocks: Floats) -> float:
+    """Return the standard error of a sum of independent blocks, from their scatter."""
+    return float(np.std(blocks, ddof=1) * np.sqrt(len(blocks))) if len(blocks) > 1 else float("inf")
 
 
 def _vetoed(found: Refit) -> bool:
@@ -115,6 +136,26 @@ def _vetoed(found: Refit) -> bool:
         return False
     expected = found.selection_std**2 / 2
     return found.selection < -1.0 and found.selection < expected - 2.5 * found.selection_std
+
+
+def _entangled(found: Refit, here: State) -> bool:
+    """Tell whether a refit's effect and a number of the model only undo each other, and did not before it came.
+
+    Numbers that share a scale which the data hardly fix (a gain between two blocks) are correlated, too: no worse for it.
+    """
+    if not found.entangled:
+        return False
+    new = set(found.candidate.new)
+    before, after = (dict(zip(e.names, e.std.tolist(), strict=True)) for e in (here.estimate, found.estimate))
+    old_names = [p.name for p in here.look.system.tree.parameters()]
+    own_names = [p.name for p in found.look.system.tree.parameters() if p.name not in new]
+    if len(old_names) != len(own_names):
+        return True
+    nan = float("nan")
+    shrunk = np.sqrt(found.chi2 / error2(here.look))  # as much better the model explains, as much surer its numbers look
+    pairs = [(before.get(a, nan), after.get(b, nan)) for a, b in zip(old_names, own_names, strict=True)]
+    grown = [new_std * shrunk / old for old, new_std in pairs if old > 0 and np.isfinite(old) and np.isfinite(new_std)]
+    return max(grown, default=np.inf) > GROWN
 
 
 def _borne_out(found: Refit, data: Data) -> bool:

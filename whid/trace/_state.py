@@ -17,7 +17,7 @@ from whid.system import System
 from whid.trace._floor import Floor, floor
 from whid.trace._forensics import Raw, forensics
 from whid.trace._gate import Gate, gate
-from whid.trace._refit import Refit
+from whid.trace._refit import Refit, fitted
 from whid.trace._selection import Bools, cut
 
 
@@ -58,6 +58,7 @@ class State(NamedTuple):
     gate: Gate
     added: Refit | None = None
     rivals: tuple[Refit, ...] = ()
+    way: tuple[State, ...] = ()  # to it, where the effect has several terms: one state a term, all but the last
 
     @property
     def dirty(self) -> bool:
@@ -76,8 +77,11 @@ class State(NamedTuple):
 
 def reached(refit: Refit, data: Data, rivals: tuple[Refit, ...] = ()) -> State:
     """Return the state of a model with an effect added; where nothing repeats its residual is the noise from now on."""
-    look = refit.look if data.floor.dof or refit.told else with_noise(refit.look, data.coloured)
-    return State(look, refit.estimate, gate(look), refit, rivals)
+    if data.floor.dof or refit.told:
+        return State(refit.look, refit.estimate, gate(refit.look), refit, rivals)
+    look, found = fitted(with_noise(refit.look, data.coloured), 0)  # the same numbers, as sure as they are now
+    estimate = found._replace(why_stop=refit.estimate.why_stop, iterations=refit.estimate.iterations)
+    return State(look, estimate, gate(look), refit._replace(estimate=estimate), rivals)
 
 
 def with_noise(look: Look, coloured: bool) -> Look:

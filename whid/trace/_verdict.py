@@ -34,12 +34,13 @@ class Errors(NamedTuple):
 
 
 class Found(NamedTuple):
-    """An effect that was added: its numbers by name and their standard errors."""
+    """An effect that was added: its numbers by name, their standard errors, and what it gained, penalties paid."""
 
     kind: str
     place: str
     parameters: Mapping[str, float]
     std: Mapping[str, float]
+    gain: Annotated[float, Quantity("nat")] = 0.0
 
     @property
     def name(self) -> str:
