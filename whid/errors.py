@@ -243,6 +243,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Add `table: {kind: …}`; `whid kinds papers` lists what there is.",
         CONFIG,
     ),
+    "table-failed": Explanation(
+        "The runs that a table is made of failed: there is nothing to put into it.",
+        "`whid run CONFIG` shows one such run and what it says; the plant, the plan or the method changed.",
+        FAILED,
+    ),
     "table-expected": Explanation(
         "`whid table --check` has nothing to compare with, or what it has is no such table.",
         "Run `whid table CONFIG` and move the `.expected.csv` of its folder beside the config.",

@@ -15,6 +15,7 @@ from whid.stages.periods import Harmonics
 from whid.stages.static_test import static_test
 
 HIGHEST = 20  # harmonics looked at
+SIGNIFICANCE = 1e-4
 
 
 class StaticOrBacklash(NamedTuple):
@@ -46,9 +47,13 @@ class StaticOrBacklash(NamedTuple):
         columns = ("ω, rad/s", "amplitude", "p constant", "p static", "output")
         return Table("Static or backlash?", columns, rows, (f"{verdict} (p = {self.p_static:.3g} over all sines)",))
 
+    def metrics(self) -> dict[str, float]:
+        """Return `static.p`, below 1e-4 where no static curve makes the harmonics."""
+        return {"static.p": self.p_static}
+
 
 def static_or_backlash(
-    omega: Floats, drive: Sequence[complex], harmonics: Sequence[Harmonics], degree: int, significance: float = 1e-4
+    omega: Floats, drive: Sequence[complex], harmonics: Sequence[Harmonics], degree: int, significance: float = SIGNIFICANCE
 ) -> StaticOrBacklash:
     """Test whether each sine's output is a curve over some phase of it: Im(Y_k e^{−jkψ}) = 0 for all k at one ψ.
 
