@@ -84,18 +84,21 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-unreadable": Explanation(
         "A data file is empty, damaged, or not of the kind its name says.",
-        "whid reads .csv .txt .tsv .dat (also .gz), .npz, .mat, .h5 and .hdf5; export it again as CSV.",
+        "whid reads .csv .txt .tsv .dat (also .gz), .npz, .mat, .h5 and .hdf5: export it again as CSV; text under another "
+        "ending can be renamed.",
         CONFIG,
     ),
     "data-cell": Explanation(
         "A cell of a text file is not a number, or a row has too few or too many cells.",
-        "Correct the row, or give `delimiter:`, `decimal:` or `header_lines:`; a clock time is no number: use `dt:`.",
+        "Correct the row, or give `delimiter:`, `decimal:` or `header_lines:`; empty a cell that was not measured. Times "
+        "are numbers, or written 2024-03-05T10:00:00.25 or 10:00:00.25; leave others out and give `dt:`.",
         CONFIG,
     ),
     "data-column": Explanation(
         "A column that the config names is not in the file, or cannot be guessed.",
-        "See what the file holds with `whid ingest FILE`, then name the columns: `columns: {time: …, input: …, output: …}` "
-        "in a config, `--columns time=…,input=…,output=…` for `whid ingest`; without a time column `dt:` or `--dt`.",
+        "Name the columns, by heading or by number from 0: `columns: {time: …, input: …, output: …}` in a config, "
+        "`--columns time=…,input=…,output=…` on the command line; without a time column `dt:` or `--dt`. `whid ingest FILE` "
+        "shows them.",
         CONFIG,
     ),
     "data-scalar": Explanation(
@@ -121,12 +124,14 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-time-order": Explanation(
         "The time column does not increase.",
-        "Sort or de-duplicate the rows, or leave the column out and give `dt:` or `rate_hz:`.",
+        "Sort or de-duplicate the rows, or leave the column out and give `dt:` or `rate_hz:` (`--columns "
+        "input=…,output=… --dt …`).",
         CONFIG,
     ),
     "data-time-step": Explanation(
         "The time column is not uniform to 1 %, or contradicts `dt:` or `rate_hz:`.",
-        "Add `{kind: resample}` as the first operation, or give the true `dt:` and leave the time column out.",
+        "Add `operations: [{kind: resample}]` to the record (`--resample` for `whid ingest`), or give the true `dt:` and "
+        "leave the time column out.",
         CONFIG,
     ),
     "data-time-unit": Explanation(

@@ -40,6 +40,7 @@ from whid.result import Asked, Failure, Result, snake_case
 from whid.signal import Floats
 from whid.simulate import Clean, simulate
 from whid.stages.intersample import intersample
+from whid.tables import in_units
 from whid.trace import Trace
 from whid.trace import trace as closed_loop
 
@@ -217,7 +218,7 @@ class _Work:
         experiment = Experiment(dt=self.records[0].dt, parts=wanted.plan, name=name)
         experiment = replace(like, parts=wanted.plan, name=name) if like else experiment
         plan, samples = tuple(plain(part) for part in wanted.plan), experiment.samples()
-        asked = Asked(wanted.reason, float(wanted.predicted_se), wanted.of, plan, samples)
+        asked = Asked(wanted.reason, float(wanted.predicted_se), in_units(wanted.of, self.records[0].units), plan, samples)
         refused = self.refusal(experiment)
         self.asked.append(asked._replace(refused=refused) if refused else asked._replace(record=name))
         return None if refused else _open(self.perform(experiment))

@@ -16,7 +16,7 @@ from whid.kinds import plain
 from whid.quantity import Cell, Measured, Table
 from whid.record import Record
 from whid.result import Check, Result
-from whid.tables import markdown
+from whid.tables import in_units, markdown
 
 USES = ("estimation", "selection", "report")
 NAMES = "a name is a path, counted from 0: chain.1.pieces.0.2 is block 1, piece 0, u²; num and den fall in powers of s"
@@ -37,14 +37,7 @@ def _units(records: Sequence[Record]) -> dict[str, str]:
 
 def _in_units(table: Table, units: Mapping[str, str]) -> Table:
     """Return a table whose headings `mean, output` name the record's unit, or none where it has none."""
-
-    def heading(text: str) -> str:
-        what, comma, unit = text.rpartition(", ")
-        if not comma or unit not in units:
-            return text
-        return f"{what}, {units[unit]}" if units[unit] != "1" else what
-
-    return table._replace(columns=tuple(map(heading, table.columns)))
+    return table._replace(columns=tuple(in_units(text, units) for text in table.columns))
 
 
 def page(result: Result) -> str:

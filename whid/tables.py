@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from whid.quantity import Cell, Measured, Table
@@ -47,6 +47,18 @@ def measured(value: float, std: float) -> str:
     value, std = round(value, decimals) + 0.0, round(std, decimals)  # never −0
     text = f"{value:.{max(decimals, 0)}f} ± {std:.{max(decimals, 0)}f}"
     return f"({text})e{shared:+03d}" if shared else text
+
+
+def in_units(text: str, units: Mapping[str, str]) -> str:
+    """Return `mean, output` with the record's unit of the output, or without where it has none.
+
+    >>> in_units("mean, output", {"output": "V"}), in_units("mean, output", {"output": "1"}), in_units("gain, nat", {})
+    ('mean, V', 'mean', 'gain, nat')
+    """
+    what, comma, unit = text.rpartition(", ")
+    if not comma or unit not in units:
+        return text
+    return f"{what}, {units[unit]}" if units[unit] != "1" else what
 
 
 def markdown(table: Table) -> str:

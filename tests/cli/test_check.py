@@ -54,7 +54,7 @@ def test_a_data_file_that_is_not_there(whid, tmp_path):
     found = whid("check", "m.yaml")
     assert found.exit_code == 2
     assert "error[data-file]: no.csv: no such file" in found.stderr
-    (tmp_path / "no.csv").write_text("t,u,y\n")
+    (tmp_path / "no.csv").write_text("t,u,y\n0,1,2\n1,2,3\n")
     assert whid("check", "m.yaml").exit_code == 0
 
 
@@ -74,3 +74,14 @@ def test_every_value_of_a_sweep_is_checked(whid, tmp_path):
     assert "plant.nois is not there, did you mean noise?" in found.stderr
     (tmp_path / "t.yaml").write_text(text + "sweep: {over: {plant.noise.std: [0.1, 1]}, repeats: 3}\n")
     assert "grid over plant.noise.std (2), 3 repeats" in whid("check", "t.yaml").stdout
+
+
+def test_a_column_that_a_data_file_does_not_have(whid, tmp_path):
+    (tmp_path / "m.yaml").write_text(
+        "name: m\ndata: {file: d.csv, columns: {input: Valv}}\nidentify: {kind: wiener_hammerstein}\n"
+    )
+    (tmp_path / "d.csv").write_text("t,valve,y\n0,1,2\n1,2,3\n")
+    found = whid("check", "m.yaml")
+    assert found.exit_code == 2
+    assert "error[data-column]: d.csv: no column 'Valv', did you mean 'valve'? The file has t, valve, y" in found.stderr
+    assert "columns (input: valve)" in whid("check", "m.yaml", "--set", "data.columns.input=valve").stdout

@@ -88,3 +88,24 @@ def test_a_fault_about_columns_says_what_to_type_here(bench):
     with pytest.raises(WhidError, match="which column is the input") as fault:
         run("german.csv")
     assert "--columns" in fault.value.remedy
+
+
+def test_uneven_times_and_a_name_with_umlauts(bench):
+    rows = [line.split(",", 1) for line in (bench / "bench.csv").read_text().splitlines()[1:]]
+    uneven = "".join(f"{float(t) + 0.03 * (k % 2):.2f},{rest}\n" for k, (t, rest) in enumerate(rows))
+    (bench / "Prüfstand Süß.csv").write_text("t,u,y\n" + uneven, encoding="utf-8")
+    with pytest.raises(WhidError, match="jitter") as fault:
+        run("Prüfstand Süß.csv")
+    assert "`--resample` for `whid ingest`" in fault.value.remedy
+    out = run("Prüfstand Süß.csv", "--resample", "--json").output
+    assert json.loads(out)["data"]["operations"] == [{"kind": "resample", "input": "hold"}]
+    assert "name: Prufstand-Suss\n" in run("Prüfstand Süß.csv", "--resample").output
+
+
+def test_a_damaged_file_is_no_question_of_columns(bench):
+    import gzip
+
+    (bench / "cut.csv.gz").write_bytes(gzip.compress((bench / "bench.csv").read_bytes())[:2000])
+    with pytest.raises(WhidError, match="damaged, or not what its name says: Compressed file ended") as fault:
+        run("cut.csv.gz")
+    assert fault.value.code == "data-unreadable"

@@ -73,3 +73,12 @@ def test_faults_are_named(whid, run, tmp_path):
     wrong = whid("predict", run, "--data", "new.csv", "--columns", "drive=u")
     assert wrong.exit_code == 2
     assert "time=…,input=…,output=…" in wrong.stderr
+
+
+def test_an_input_beyond_what_the_model_was_made_from(whid, run, tmp_path):
+    table(tmp_path / "far.csv", t=0.05 * np.arange(40), u=np.linspace(-9, 900, 40))
+    assert (
+        "extrapolated: the input goes from -9 to 900, the model was made from"
+        in whid("predict", run, "--data", "far.csv").stdout
+    )
+    assert whid("predict", run, "--data", "far.csv", "--dt", "-0.1").exit_code == 2

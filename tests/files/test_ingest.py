@@ -326,3 +326,54 @@ def test_an_output_that_stands_still_like_a_command_is_noted(tmp_path):
     written(tmp_path, t, u, y)
     assert not any("swapped" in note for note in record(tmp_path).notes)
     assert any("swapped?" in note for note in record(tmp_path, columns=Columns(time="t", input="y", output="u")).notes)
+
+
+def test_times_of_a_calendar_and_of_a_day(tmp_path):
+    rows = "".join(f"2024-03-05T10:{k // 600:02d}:{k / 10 % 60:06.3f},{k % 7},{k % 7 + k % 3}\n" for k in range(900))
+    (tmp_path / "iso.csv").write_text("timestamp,u,y\n" + rows)
+    found = ingest(DataSource(file="iso.csv", causal=False), tmp_path)
+    assert (found.record.dt, found.record.t0) == (0.1, 1709632800.0)
+    assert not [note for note in found.notes if "jitter" in note]
+    (tmp_path / "day.csv").write_text("time,u,y\n" + rows.replace("2024-03-05T", ""))
+    day = ingest(DataSource(file="day.csv", causal=False), tmp_path).record
+    assert (day.dt, day.t0) == (0.1, 36000.0)
+
+
+def test_marks_of_overload_and_of_missing_samples(tmp_path):
+    u, y = np.arange(200) // 20 % 5, np.repeat(np.arange(10) % 5, 20) + np.arange(200) % 3 / 10
+    for mark in (9.9e37, -999.0):
+        y[110] = mark
+        (tmp_path / "m.csv").write_text(
+            "t,u,y\n" + "".join(f"{k},{a},{b!r}\n" for k, (a, b) in enumerate(zip(u, y.tolist(), strict=True)))
+        )
+        source = DataSource(file="m.csv", causal=False)
+        if mark > 0:
+            with pytest.raises(WhidError, match=r"m.csv:112: the output is 9.9e\+37 here: an overload mark") as fault:
+                ingest(source, tmp_path)
+            assert fault.value.code == "data-range"
+        else:
+            assert any(
+                "the output is -999 at m.csv:112, the rest within 0 …" in note for note in ingest(source, tmp_path).notes
+            )
+
+
+@pytest.mark.parametrize(
+    ("heading", "told"),
+    [
+        ("Zeit,Ventil,Fluss", "perhaps time=Zeit,input=Ventil,output=Fluss"),
+        ("t,a,b,c", "The file has t, a, b, c$"),
+        ("y", "The file has y; an input and an output are needed"),
+    ],
+)
+def test_what_to_choose_columns_from(tmp_path, heading, told):
+    count = heading.count(",") + 1
+    (tmp_path / "c.csv").write_text("\n".join([heading, *(",".join([str(k)] * count) for k in range(20))]))
+    with pytest.raises(WhidError, match=told):
+        ingest(DataSource(file="c.csv"), tmp_path)
+
+
+def test_two_columns_without_headings_are_input_and_output(tmp_path):
+    (tmp_path / "adc.csv").write_text("\n".join(f"{k % 5},{k % 5 + k % 2}" for k in range(40)))
+    assert ingest(DataSource(file="adc.csv", dt=0.1, causal=False), tmp_path).record.u[1] == 1
+    with pytest.raises(WhidError, match="no time column among 0, 1; give dt:"):
+        ingest(DataSource(file="adc.csv"), tmp_path)

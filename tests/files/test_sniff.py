@@ -52,3 +52,10 @@ def test_cells():
     assert number("1e-3", ".") == 1e-3
     assert number("1.5", ",") is None
     assert number("0x10", ".") is None
+
+
+def test_headings_stand_near_the_data_and_a_unit_in_brackets_belongs_to_its_heading():
+    preamble = ["# rig 7, Tuesday", "# operator: J.", "% fs=20 Hz", "", "time [s]  valve (V)  flow [l/min]"]
+    found = sniff([*preamble, "0.00  1.0  2.0", "0.05  1.0  2.5"])
+    assert (found.names, found.units) == (("time", "valve", "flow"), {"time": "s", "valve": "V", "flow": "l/min"})
+    assert not sniff(["rig 7, Tuesday", "one", "two", "three", "0 1 2", "1 1 3"]).named

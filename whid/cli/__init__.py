@@ -11,6 +11,7 @@ import importlib
 import os
 import pkgutil
 import sys
+import warnings
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -55,6 +56,8 @@ class Commands(click.Group):
 
     def main(self, *args: Any, **extra: Any) -> NoReturn:
         """Run a command line and exit: the one place where faults become stderr lines and an exit code."""
+        if not os.environ.get("WHID_DEBUG"):
+            warnings.simplefilter("ignore")  # what numbers do on the way is said in whid's own words, or is of no interest
         for stream in (sys.stdout, sys.stderr):
             if hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="replace")  # a terminal that has no ± must not end a run

@@ -20,6 +20,8 @@ from whid.errors import Faults, WhidError
 def command(config: Path, overrides: tuple[str, ...], max_memory: str, as_json: bool) -> None:
     """Check CONFIG and say in a few lines what it declares; nothing is run.
 
+    Of data files the columns are looked for; what is in the rows comes to light when it is run.
+
     Exit code 2 with every fault as file:line:col: path: what is wrong, what is allowed.
 
     Example: whid check study.yaml --set plant.noise.std=0.1
@@ -28,11 +30,11 @@ def command(config: Path, overrides: tuple[str, ...], max_memory: str, as_json: 
     from whid.config.load import load_study
     from whid.config.memory import allow, size
     from whid.config.overview import overview
-    from whid.files.source import locate
+    from whid.files.ingest import check_columns
 
     study = load_study(config, overrides)
     tests: list[Callable[[], object]] = [lambda: allow(study, size(max_memory), config.parent)]
-    tests += [partial(locate, source.file, config.parent) for source in study.sources]
+    tests += [partial(check_columns, source, config.parent) for source in study.sources]
     for path, values in (study.sweep.over if study.sweep else {}).items():
         tests += [partial(load_study, config, [*overrides, f"{path}={json.dumps(value)}"]) for value in values]
     if faults := [fault for test in tests for fault in _faults(test)]:

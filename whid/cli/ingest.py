@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +24,14 @@ SHOWN = 30  # columns, parts other than levels
 @click.option("--columns", metavar="ROLE=NAME,…", default="", help="e.g. time=t,input=u,output=y; numbers count from 0.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Sampling time in s, where there is no time column.")
 @click.option("--missing", type=click.Choice(["error", "mask", "interpolate"]), default="error", show_default=True)
+@click.option("--resample", is_flag=True, help="Put samples of uneven times on a uniform grid first.")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="The picture; FILE's name with -ingest.png, here, unless given."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON; a picture only with --out.")
-def command(file: Path, columns: str, dt: float | None, missing: Any, out: Path | None, as_json: bool) -> None:
+def command(
+    file: Path, columns: str, dt: float | None, missing: Any, resample: bool, out: Path | None, as_json: bool
+) -> None:
     """Show what FILE holds and how whid understands it; FILE is a data file, or a config whose records to show.
 
     Prints columns, sampling, the levels and sines found in the input, what was noticed, and a study to save and run; draws
@@ -44,9 +48,11 @@ def command(file: Path, columns: str, dt: float | None, missing: Any, out: Path 
 
         sources, base = load_study(file).sources, file.parent
     else:
-        source = DataSource(
-            file=str(file), columns=_columns(columns), dt=dt, missing=missing, parts="auto", name=_stem(file)
-        )
+        from whid.operations.resample import Resample
+
+        first = (Resample(input="hold"),) if resample else ()  # zoh: what a new source is taken for
+        source = DataSource(file=str(file), columns=_columns(columns), dt=dt, missing=missing, operations=first,
+                            parts="auto", name=_stem(file))  # fmt: skip
         sources, base = (source,), Path()
     shown = []
     for source in sources:
@@ -97,7 +103,9 @@ def _columns_table(source: DataSource, base: Path) -> Table:
         try:
             x = table.load([k])[0]
         except WhidError as fault:
-            rows.append((k, name, table.units.get(name, ""), "", None, None, fault.message))
+            if fault.code != "data-cell":
+                raise
+            rows.append((k, name, table.units.get(name, ""), "", None, None, str(fault)))
             continue
         known = x[np.isfinite(x)]
         ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
@@ -112,6 +120,7 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
     from whid.stages._holds import least_bit
     from whid.stages.causality import causality
     from whid.stages.intersample import intersample
+    from whid.tables import in_units
 
     record = found.record
     y = record.y[record.mask]
@@ -121,9 +130,9 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
     rows: list[tuple[Any, ...]] = [
         ("samples", len(record), "" if whole else f"{len(record) - len(y)} outputs missing"),
         ("sampling time, s", record.dt, f"{1 / record.dt:.6g} Hz"),
-        ("duration, s", len(record) * record.dt, f"from {record.t0:.6g} s"),
-        (f"input, {record.units['input']}", None, _range(record.u, least_bit(record.u))),
-        (f"output, {record.units['output']}", None, _range(y, least_bit(y))),
+        ("duration, s", len(record) * record.dt, f"from {record.t0:.12g} s"),
+        (in_units("input, input", record.units), None, _range(record.u, least_bit(record.u))),
+        (in_units("output, output", record.units), None, _range(y, least_bit(y))),
     ]
     if between and order:
         rows += [
@@ -162,7 +171,7 @@ def _words(part: Part, dt: float) -> str:
     if isinstance(period := keys.get("period"), (int, float)):
         words["period"] = f"period {period:.7g} samples ({period * dt:.4g} s)"
     if "phase" in words:
-        words["phase"] += " rad"
+        words["phase"] = f"phase {round(keys['phase'], 4) + 0.0:.4g} rad"
     return ", ".join(words.values())
 
 
@@ -201,7 +210,8 @@ def _study(source: DataSource, found: Ingested, base: Path) -> str:
     order = ("name", "file", "columns", "dt", "units", "operations", *spelled, "parts", "use")
     both = {k: v for k, v in {**declared, **spelled}.items() if k != "name"}
     ordered = {k: both[k] for k in order if k in both} | {k: v for k, v in both.items() if k not in order}
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", source.name).strip("-._") or "study"
+    plain_letters = unicodedata.normalize("NFKD", source.name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", plain_letters).strip("-._")[:64] or "study"
     said = f"# save as {name}.yaml, then: whid check {name}.yaml, whid run {name}.yaml\n"
     return said + dump({"name": name, "data": ordered, "identify": {"kind": "wiener_hammerstein"}})
 

@@ -22,7 +22,9 @@ ROLES = ("time", "input", "output")
 @click.option(
     "--columns", metavar="time=t,input=u,output=y", help="Columns by name or number; left out: as the run's own data."
 )
-@click.option("--dt", type=float, help="Sampling time, s, where the file has no time column.")
+@click.option(
+    "--dt", type=click.FloatRange(min=0, min_open=True), help="Sampling time, s, where the file has no time column."
+)
 @click.option("--initial", type=click.Choice(["steady", "rest", "free"]), help="State before the first sample.")
 @click.option("--out", type=click.Path(path_type=Path), help="CSV to write: t, u, y, y_hat, y_hat_std.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
@@ -59,7 +61,17 @@ def command(
         print_json(metrics | ({"out": str(out)} if out else {}))
         return
     rows = tuple((name, value) for name, value in metrics.items())
-    print_tables(Table(f"{result.name} on {file}", ("metric", "value"), rows, (f"written: {out}",) if out else ()))
+    notes = (*_beyond(result, record), *((f"written: {out}",) if out else ()))
+    print_tables(Table(f"{result.name} on {file}", ("metric", "value"), rows, notes))
+
+
+def _beyond(result: Result, record: Record) -> tuple[str, ...]:
+    """Return a note when the input leaves the range that the model was made in by more than a twentieth of it."""
+    low, high = (float(end([end(known.u) for known in result.records])) for end in (min, max))
+    span, (first, last) = high - low, (float(record.u.min()), float(record.u.max()))
+    if first >= low - span / 20 and last <= high + span / 20:
+        return ()
+    return (f"extrapolated: the input goes from {first:.4g} to {last:.4g}, the model was made from {low:.4g} … {high:.4g}",)
 
 
 def _source(result: Result, file: str, columns: str | None, dt: float | None, initial: Any) -> DataSource:

@@ -20,7 +20,8 @@ def next_plan(result: Result) -> str:
         raise WhidError("next-nothing", f"this run needs no experiment that its method could name: {why}", result.name)
     dt = result.records[0].dt
     seconds = sum(asked.samples for asked in wanted) * dt
-    lines = [f"# what {result.name} asked for: {sum(len(a.plan) for a in wanted)} parts, {seconds:.6g} s in all"]
+    parts = sum(len(asked.plan) for asked in wanted)
+    lines = [f"# what {result.name} asked for: {parts} part{'s' * (parts > 1)}, {seconds:.6g} s in all"]
     lines += ["experiment:", f"  dt: {dt!r}", f"  intersample: {result.records[0].intersample}", "  parts:"]
     for number, asked in enumerate(wanted, 1):
         of = f" of {asked.of}" if asked.of else ""

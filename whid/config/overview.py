@@ -8,6 +8,7 @@ from typing import Any
 
 from whid.config.memory import human, memory
 from whid.config.study import Study
+from whid.files.source import DataSource
 from whid.kinds import plain
 from whid.quantity import Table
 from whid.system import System
@@ -23,7 +24,7 @@ def overview(study: Study, base: Path = Path()) -> Table:
         rows.append((experiment.name, f"{samples} samples of {experiment.dt:.6g} s, {samples * experiment.dt:.6g} s in all"))
         rows += [("", brief(plain(part))) for part in experiment.parts]
         rows += [("adaptive", brief(asdict(experiment.adaptive)))] if experiment.adaptive else []
-    rows += [(source.name, brief(plain(source))) for source in study.sources]
+    rows += [(source.name, _source(source)) for source in study.sources]
     if study.model:
         rows.append(("model", text_of(study.model)))
     rows.append(("method", brief(plain(study.identify))))
@@ -33,6 +34,15 @@ def overview(study: Study, base: Path = Path()) -> Table:
         rows.append(("sweep", f"{study.sweep.mode} over {cells}, {study.sweep.repeats} repeats"))
     rows.append(("memory", f"about {human(memory(study, base))}"))
     return Table("", ("section", "what"), tuple(rows))
+
+
+def _source(source: DataSource) -> str:
+    """Return a measured record in one line: `time: t` is not read as two words."""
+    keys = plain(source)
+    for key in ("columns", "units"):
+        if keys.get(key):
+            keys[key] = "(" + ", ".join(f"{role}: {name}" for role, name in keys[key].items()) + ")"
+    return brief({key: value for key, value in keys.items() if key != "name"})
 
 
 def text_of(system: System) -> str:

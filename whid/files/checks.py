@@ -10,6 +10,8 @@ from whid.signal import Floats
 from whid.stages.causality import causality
 
 FEWEST = 16  # samples
+MOST = 1e30  # of any quantity an instrument reads; 9.9e37 is how many write an overload
+FAR, ALONE = 100.0, 0.01  # spans of the rest, share of the samples: what lies so far out is worth a note
 HUGE = 1e60  # beyond it, and below one over it, squares of squares leave the range of a float
 STUCK = 0.2  # of the record: a last stretch without any change is worth a note
 HELD = 0.75  # of the samples equal to their predecessor: the column looks like a held command
@@ -18,10 +20,9 @@ HELD = 0.75  # of the samples equal to their predecessor: the column looks like 
 def check_alive(x: Floats, column: str, where: Where) -> None:
     """Raise `WhidError("data-dead")` for a column that never changes, `WhidError("data-range")` for one of no size."""
     low, high = float(x.min()), float(x.max())
-    if max(-low, high) > HUGE:
-        raise WhidError(
-            "data-range", f"the {column} is {x[np.argmax(np.abs(x))]:.3g} here", where(int(np.argmax(np.abs(x))))
-        )
+    if max(-low, high) > MOST:
+        first = int(np.flatnonzero(np.abs(x) > MOST)[0])
+        raise WhidError("data-range", f"the {column} is {x[first]:.3g} here: an overload mark?", where(first))
     if high - low <= max(1e-13 * max(abs(low), abs(high)), 1 / HUGE):
         raise WhidError("data-dead", f"the {column} is {low:.6g} from the first row to the last", where(0))
 
@@ -59,6 +60,19 @@ def like_a_command(u: Floats, y: Floats) -> tuple[str, ...]:
 def held(x: Floats) -> float:
     """Return the fraction of samples that equal their predecessor; 0 for three values or fewer, as a relay gives."""
     return float(np.mean(np.diff(x) == 0)) if len(np.unique(x[: 10**6])) > 3 else 0.0
+
+
+def far_out(x: Floats, column: str, where: Where) -> tuple[str, ...]:
+    """Return a note when a few samples lie a hundred times further out than all others: -999 and its like."""
+    low, high = np.quantile(x, (ALONE, 1 - ALONE))
+    out = np.flatnonzero((x < low - FAR * (high - low)) | (x > high + FAR * (high - low)))
+    if high <= low or not len(out):
+        return ()
+    more = f" and at {len(out) - 1} more samples" if len(out) > 1 else ""
+    return (
+        f"the {column} is {x[out[0]]:.6g} at {where(int(out[0]))}{more}, the rest within {low:.4g} … {high:.4g}:"
+        " if that marks a missing sample, empty the cell",
+    )
 
 
 def stuck(u: Floats, y: Floats, where: Where) -> tuple[str, ...]:

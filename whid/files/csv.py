@@ -12,7 +12,7 @@ from typing import TextIO, cast
 import numpy as np
 
 from whid.errors import WhidError
-from whid.files.sniff import Dialect, number, sniff, split
+from whid.files.sniff import Dialect, clock, number, sniff, split
 from whid.files.table import Table
 from whid.signal import Floats
 
@@ -87,6 +87,8 @@ def _slow(chunk: list[str], row: int, dialect: Dialect, columns: Sequence[int], 
         if len(cells) != dialect.cells and not (len(cells) == len(dialect.names) < dialect.cells):
             raise WhidError("data-cell", f"{len(cells)} cells, not {dialect.cells} as in the rows before", where)
         values = [number(cells[k], dialect.decimal) for k in columns]
+        if None in values:
+            values = [clock(cells[k]) if value is None else value for k, value in zip(columns, values, strict=True)]
         if None in values:
             k = columns[values.index(None)]
             raise WhidError("data-cell", f"column {dialect.names[k]}: {cells[k][:40]!r} is not a number", where)

@@ -58,7 +58,7 @@ def uniform(time: Floats, where: Where) -> Grid:
     steps = np.diff(time)
     dt = float(np.median(steps))
     whole = np.where(steps > GAP * dt, np.rint(steps / dt), 1.0)
-    dt = tidy(float((time[-1] - time[0]) / whole.sum()), whole.sum())
+    dt = tidy(float((time[-1] - time[0]) / whole.sum()), whole.sum(), float(time[-1]))
     deviation = np.abs(steps / dt - whole)
     worst = float(deviation.max())
     if worst > JITTER:
@@ -69,14 +69,16 @@ def uniform(time: Floats, where: Where) -> Grid:
     return Grid(dt, float(time[0]), index, worst)
 
 
-def tidy(dt: float, steps: float) -> float:
+def tidy(dt: float, steps: float, end: float = 0.0) -> float:
     """Return the decimal number that dt is but for rounding: over the whole record it must not move a sample.
 
-    >>> tidy(0.10000000000000002, 1000)
-    0.1
+    By no more, that is, than the digits that times have at its end, s: calendar times are good to 0.2 µs.
+
+    >>> tidy(0.10000000000000002, 1000), tidy(0.1000000001, 899), tidy(0.1000000001, 899, end=1.7e9)
+    (0.1, 0.1000000001, 0.1)
     """
     short = float(f"{dt:.9g}")
-    return short if abs(short - dt) * steps <= 1e-9 * dt else dt
+    return short if abs(short - dt) * steps <= 1e-9 * dt + 2 * np.spacing(abs(end)) else dt
 
 
 def check_step(dt: float, declared: float, where: Where) -> None:

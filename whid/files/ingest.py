@@ -21,6 +21,7 @@ from whid.signal import Floats
 from whid.stages.find_parts import find_parts
 
 STEPS = {"dt": 1.0, "ts": 1.0, "h": 1.0, "t_s": 1.0}  # scalars that files name their sampling time by
+ROLES = ("time", "input", "output")
 RATES = ("fs", "rate_hz", "rate", "f_s")
 
 
@@ -55,6 +56,14 @@ def ingest(source: DataSource, base: Path, *, alone: bool = False) -> Ingested:
         return Ingested(record, notes, hashlib.file_digest(file, "sha256").hexdigest())
 
 
+def check_columns(source: DataSource, base: Path) -> None:
+    """Raise `WhidError` for a file that is not there, cannot be read, or lacks a column; its rows are not looked at."""
+    try:
+        choose(source, opened(source, base))
+    except WhidError as fault:
+        raise fault if fault.where else WhidError(fault.code, fault.message, source.file) from fault
+
+
 def opened(source: DataSource, base: Path) -> Table:
     """Return the table of a source's file."""
     path = locate(source.file, base)
@@ -70,7 +79,7 @@ def _record(source: DataSource, table: Table, path: Path, alone: bool) -> tuple[
     del u, y, times
     series, operated = _operate(source, table, series, path)
     checks.check_length(len(series.time), path.name)
-    dt, t0 = grid.tidy(series.dt, len(series.time) - 1), float(series.time[0])
+    dt, t0 = grid.tidy(series.dt, len(series.time) - 1, float(series.time[-1])), float(series.time[0])
     parts, found = _parts(source, series, dt)
     units = {
         "input": source.units.get("input") or table.units.get(table.names[chosen.input], "1"),
@@ -91,12 +100,12 @@ def choose(source: DataSource, table: Table, alone: bool = False) -> tuple[Chose
 
     Raises `WhidError("data-column")` where a column is neither there nor to be guessed.
     """
-    given = {role: getattr(source.columns, role) for role in ("time", "input", "output")}
+    given = {role: getattr(source.columns, role) for role in ROLES}
     known = {role: table.find(column) for role, column in given.items() if column is not None}
     timed = bool(source.dt or source.rate_hz)
-    wanted = [role for role in (("input", "output") if timed else ("time", "input", "output")) if role not in known]
-    if not table.named and not known:  # no headings: in the order time, input, output
-        known = dict(zip(wanted, range(len(table.names)), strict=False))
+    wanted = [role for role in (("input", "output") if timed else ROLES) if role not in known]
+    if not table.named and not known:  # no headings: in the order time, input, output; of two columns, none is the time
+        known = dict(zip(wanted[-max(len(table.names), 1) :], range(len(table.names)), strict=False))
     else:
         known |= {role: k for role in wanted if (k := table.guess(role)) is not None}
     if alone and "output" not in known and "input" in known:  # the input stands in for an output nobody will look at
@@ -105,14 +114,25 @@ def choose(source: DataSource, table: Table, alone: bool = False) -> tuple[Chose
         )
     for role in ("input", "output"):
         if role not in known:
-            raise WhidError(
-                "data-column", f"which column is the {role}? The file has {', '.join(table.names[:20]) or 'none'}"
-            )
+            raise WhidError("data-column", f"which column is the {role}? {_offered(table, known, wanted)}")
     if len(set(known.values())) < len(known):
         raise WhidError("data-column", "time, input and output must be different columns")
     guessed = [f"{role} = {table.names[known[role]]}" for role in wanted if role in known]
     notes = (f"columns guessed: {', '.join(guessed)}",) if guessed else ()
     return Chosen(known.get("time"), known["input"], known["output"]), notes
+
+
+def _offered(table: Table, known: dict[str, int], wanted: Sequence[str]) -> str:
+    """Return what there is to choose from, and where nothing is left over what to type, in the order time, input, output."""
+    has = f"The file has {', '.join(table.names[:20]) or 'no column of numbers'}"
+    if len(table.names) < 2:
+        return f"{has}; an input and an output are needed"
+    rest = [k for k in range(len(table.names)) if k not in known.values()]
+    open_roles = [role for role in wanted if role not in known]
+    if len(rest) != len(open_roles):
+        return has
+    choice = known | dict(zip(open_roles, rest, strict=True))
+    return f"{has}; perhaps {','.join(f'{role}={table.names[choice[role]]}' for role in ROLES if role in choice)}"
 
 
 def _check_equal(table: Table, chosen: Chosen, columns: Sequence[Floats]) -> None:
@@ -141,7 +161,7 @@ def _on_grid(
         uniform = grid.uniform(time, where)
         if declared:
             grid.check_step(uniform.dt, declared, where)
-    if uniform.jitter > 1e-6:
+    if uniform.jitter > 1e-6 + 2 * np.spacing(abs(uniform.t0)) / uniform.dt:  # more than the digits of the time explain
         notes = (*notes, f"time jitter of {100 * uniform.jitter:.2g} % of a step accepted")
     if uniform.places is not None:
         where = _row_of(uniform, table)
@@ -149,7 +169,9 @@ def _on_grid(
     times: Floats = uniform.t0 + uniform.dt * np.arange(len(u), dtype=float)
     series, more = grid.complete(times, u, y, source.missing, hold, where)
     looks = checks.like_a_command(series.input, series.output) if source.causal else ()
-    return _checked(source, table, series), (*notes, *more, *looks, *checks.stuck(series.input, series.output, where))
+    series = _checked(source, table, series)
+    looks = (*looks, *checks.stuck(series.input, series.output, where), *checks.far_out(series.output, "output", where))
+    return series, (*notes, *more, *looks)
 
 
 def _checked(source: DataSource, table: Table, series: Series) -> Series:

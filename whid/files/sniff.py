@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
+from datetime import UTC, datetime, time
 from typing import NamedTuple
 
 from whid.errors import WhidError
@@ -20,6 +22,7 @@ UNITS = frozenset((  # lower case
     "bar", "mbar", "rpm", "1/min", "kg", "g", "w", "kw", "%", "-", "1", "l/s", "l/min", "m3/s", "m³/s", "t",
 ))
 # fmt: on
+NEAR = 3  # lines above the data, blank ones apart, among which are headings and units
 
 
 class Dialect(NamedTuple):
@@ -90,6 +93,24 @@ def number(cell: str, decimal: str) -> float | None:
         return None
 
 
+def clock(cell: str) -> float | None:
+    """Return the seconds of an ISO 8601 date with time, since 1970 (UTC unless it says otherwise), or of a time of day.
+
+    >>> clock("2024-03-05T10:00:00.25") - clock("2024-03-05 10:00:00"), clock("10:00:00,5"), clock("05.03.2024 10:00")
+    (0.25, 36000.5, None)
+    """
+    try:
+        day = time.fromisoformat(cell)
+        return 3600.0 * day.hour + 60.0 * day.minute + day.second + 1e-6 * day.microsecond
+    except ValueError:
+        pass
+    try:
+        moment = datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
 def _shape(lines: Sequence[str], delimiter: str, decimal: str) -> Shape:
     """Return the commonest pattern of numbers and words among the lines, and where it starts."""
     patterns = [_pattern(line, delimiter, decimal) for line in lines]
@@ -110,8 +131,10 @@ def _pattern(line: str, delimiter: str, decimal: str) -> tuple[bool | None, ...]
 
 def _headings(above: Sequence[str], delimiter: str, width: int, cells: int) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return names and units from the lines above the data: the nearest that has as many cells, a row of units skipped."""
-    rows = [split(line.lstrip("#%/! \ufeff"), delimiter) for line in reversed(above) if line.strip()]
-    rows = [row[:width] for row in rows if len(row) in (width, cells) and any(row)][:2]
+    near = [line.lstrip("#%/! \ufeff") for line in reversed(above) if line.strip()][:NEAR]
+    if delimiter == " ":
+        near = [re.sub(r"\s+(?=[\[(])", "", line) for line in near]  # `u [V]` is one heading
+    rows = [row[:width] for row in (split(line, delimiter) for line in near) if len(row) in (width, cells) and any(row)][:2]
     if not rows:
         return (), {}
     has_units = len(rows) == 2 and all(cell.strip("[]() ").casefold() in UNITS for cell in rows[0])

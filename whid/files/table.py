@@ -58,8 +58,8 @@ class Table(NamedTuple):
         if folded.count(wanted.casefold()) == 1:
             return folded.index(wanted.casefold())
         near = difflib.get_close_matches(wanted, self.names, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ""
-        raise WhidError("data-column", f"no column {column!r}{hint} The file has {', '.join(self.names[:20]) or 'none'}")
+        hint = f", did you mean {near[0]!r}? The" if near else "; the"
+        raise WhidError("data-column", f"no column {column!r}{hint} file has {', '.join(self.names[:20]) or 'none'}")
 
     def guess(self, role: str) -> int | None:
         """Return the number of the only column whose name says time, input or output."""
@@ -95,7 +95,9 @@ def guarded(path: Path, read: Callable[[], Any]) -> Any:
     except WhidError as fault:
         raise fault if fault.where else WhidError(fault.code, fault.message, path.name) from fault
     except Exception as fault:  # a damaged file makes zip, zlib, HDF5 and scipy raise whatever they like
-        raise WhidError("data-unreadable", f"{type(fault).__name__}: {fault}"[:300], str(path)) from fault
+        raise WhidError(
+            "data-unreadable", f"damaged, or not what its name says: {fault or type(fault).__name__}"[:300], str(path)
+        ) from fault
 
 
 def of_arrays(path: Path, arrays: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Table:

@@ -41,6 +41,7 @@ SETTINGS: dict[Any, Any] = {
     "path.simplify": True,
 }
 DPI = 160
+CALENDAR = 1000  # durations of a record between zero and its start: beyond, ticks would be ten digits long
 COLUMNS = 1500  # of a picture: a longer record is drawn by its lowest and highest value in each
 
 
@@ -74,6 +75,17 @@ def label(what: str, unit: str) -> str:
     ('output, V', 'output')
     """
     return what if unit in ("", "1") else f"{what}, {unit}"
+
+
+def clock(time: Floats) -> tuple[Floats, str]:
+    """Return times to draw and the name of their axis: seconds since the first where the times are a calendar's.
+
+    >>> clock(np.array([1709632800.0, 1709632800.5])), clock(np.array([5.0, 6.0]))
+    ((array([0. , 0.5]), 'time since 1709632800, s'), (array([5., 6.]), 'time, s'))
+    """
+    if len(time) and abs(time[0]) > CALENDAR * (time[-1] - time[0]):
+        return time - time[0], f"time since {time[0]:.12g}, s"
+    return time, "time, s"
 
 
 def envelope(x: Floats, y: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:

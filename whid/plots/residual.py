@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, log_ticks, note, spaced
+from whid.plots._style import MODEL, QUIET, TRUTH, Floats, clock, envelope, label, log_ticks, note, spaced
 
 NEEDS = ("residuals",)
 USES = {"estimation": MODEL, "selection": "#009E73", "report": TRUTH}
@@ -24,22 +24,23 @@ def draw(run: Any, figure: Figure) -> None:
     for (left, right), (record, residual) in zip(axes, shown, strict=True):
         _course(left, record, residual)
         _spectra(right, record, residual)
-    axes[-1, 0].set_xlabel("time, s")
     axes[-1, 1].set_xlabel("frequency, rad/s")
     spaced(figure, len(shown), 2, (0.85, 0.6))
 
 
 def _course(axes: Axes, record: Any, residual: Floats) -> None:
     """Draw the residual, each use in its own colour."""
+    time, name = clock(record.time)
     for use, colour in USES.items():
         on = record.using(use) & np.isfinite(residual)
         if on.any():
-            axes.plot(*envelope(record.time, np.where(on, residual, np.nan)), color=colour, lw=0.5, label=use)
+            axes.plot(*envelope(time, np.where(on, residual, np.nan)), color=colour, lw=0.5, label=use)
     rest = ~np.any([record.using(use) for use in USES], axis=0) & np.isfinite(residual)
     if rest.any():
-        axes.plot(*envelope(record.time, np.where(rest, residual, np.nan)), color=QUIET, lw=0.5, label="in no part")
+        axes.plot(*envelope(time, np.where(rest, residual, np.nan)), color=QUIET, lw=0.5, label="in no part")
     if len(residual) > 100 * SLOW:
-        axes.plot(*_slow(record.time, residual), color="black", lw=0.9, label=f"mean of 1/{SLOW}")
+        axes.plot(*_slow(time, residual), color="black", lw=0.9, label=f"mean of 1/{SLOW}")
+    axes.set_xlabel(name)
     axes.set_ylabel(label("output − model", record.units["output"]))
     axes.set_title(record.name)
     used = np.any([record.using(use) for use in USES], axis=0) & np.isfinite(residual)

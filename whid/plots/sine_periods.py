@@ -72,7 +72,7 @@ def _folds(run: Any) -> Iterator[Fold]:
                 y, e = record.y[start : part.stop], residual[start : part.stop]
                 use = "" if part.use == "estimation" else f" ({part.use})"
                 if np.isfinite(e).any():
-                    yield _fold(y, e, part.period, f"ω = {part.radians(record.dt):.3g} rad/s at {part.offset:g}" + use)
+                    yield _fold(y, e, part.period, f"ω = {part.radians(record.dt):.3g} rad/s at {part.offset:.4g}" + use)
 
 
 def _fold(y: Floats, residual: Floats, period: float, title: str) -> Fold:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from whid.plots._style import MODEL, QUIET, TRUTH, Floats, envelope, label, spaced
+from whid.plots._style import MODEL, QUIET, TRUTH, Floats, clock, envelope, label, spaced
 
 NEEDS = ("verdict", "left_over")
 BINS = 24  # of the driving signal
@@ -22,11 +22,12 @@ def draw(run: Any, figure: Figure) -> None:
     unit = run.records[0].units["output"]
     figure.set_size_inches(8.4, 5.6)
     (time, amplitude), (branch, lines) = figure.subplots(2, 2)
+    seconds, since = clock(found.time)
     for name, colour in COLOURS:
-        time.plot(*envelope(found.time, getattr(found, name)), color=colour, lw=0.5, label=f"{name}")
+        time.plot(*envelope(seconds, getattr(found, name)), color=colour, lw=0.5, label=f"{name}")
     for side in (-2 * found.floor, 2 * found.floor):
         time.axhline(side, color="black", lw=0.7, ls=":")
-    time.set_xlabel("time, s")
+    time.set_xlabel(since)
     time.set_ylabel(label("output − model", unit))
     time.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     _binned(amplitude, found, unit)

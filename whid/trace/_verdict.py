@@ -98,8 +98,8 @@ class Verdict(NamedTuple):
             )
             for k, step in enumerate(self.steps)
         )  # fmt: skip
-        where = "report data, opened after the verdict" if self.on == "report" else "in sample, not evidence"
-        notes = (self.sentence, f"errors on {where}; noise floor {self.floor:.4g}, {self.floor_from}")
+        where = "on report data, opened after the verdict" if self.on == "report" else "in sample, not evidence"
+        notes = (self.sentence, f"errors {where}; noise floor {self.floor:.4g}, {self.floor_from}")
         columns = ("model", "gain, nat", "rms, output", "nrmse", "fit, %", "over the noise floor")
         return Table("Verdict", columns, rows, notes)
 
