@@ -259,7 +259,9 @@ def minimise(
             variance, gain = noise(here), _gain(moving)
             if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2, floor):
                 step[free] = _solve(moving.r / scale, -moving.projected)[0] / scale
-                theta, why = np.clip(theta + step, lower, upper), "converged"
+                trial, why = np.clip(theta + step, lower, upper), "converged"
+                with np.errstate(all="ignore"):
+                    theta = trial if cost(trial) <= here.chi2 * (1 + 1e-12) + floor else theta  # it may leave what can be
                 break
             stacked = np.concatenate([moving.r / scale, np.sqrt(mu) * np.eye(len(scale))])
             target = np.concatenate([-moving.projected, np.zeros(len(scale))])

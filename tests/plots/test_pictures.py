@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from scipy.signal import freqz, lfilter
 
 from tests.small_study import PLANT, small_study
 from whid import flow, plots
@@ -18,7 +19,10 @@ from whid.blocks.piecewise import Piecewise
 from whid.fit import linear_least_squares
 from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.plots import _style, _system
+from whid.plots.best_linear import _db, response
 from whid.plots.sine_periods import _fold
+from whid.stages.best_linear import realisations
+from whid.stages.linear_fit import linear_fit
 from whid.system import System
 
 PICTURES = ("frequency_response", "residual", "sine_periods", "static_curve")
@@ -128,3 +132,50 @@ def test_a_long_signal_keeps_its_extremes():
     assert np.nanmax(line) == 9.0
     assert x[np.nanargmax(line)] == pytest.approx(77_777, abs=100)
     assert np.isnan(line[x < 39_000]).all()
+
+
+def multisines(curved):
+    """Six realisations of four periods through a filter and a cubic, with noise; their best linear approximation."""
+    rng, lines = np.random.default_rng(3), np.arange(1, 60)
+    periods = []
+    for _ in range(6):
+        spectrum = np.zeros(129, complex)
+        spectrum[lines] = 40 * np.exp(2j * np.pi * rng.random(len(lines)))
+        u = np.tile(np.fft.irfft(spectrum, 256), 4)
+        y = lfilter([0.2], [1.0, -0.8], np.tile(u, 2))[len(u) :]
+        y = y + curved * y**3 + 1e-3 * rng.normal(size=len(u))
+        periods.append((u.reshape(4, 256), y.reshape(4, 256)))
+    bla = realisations(periods, 0.1)
+    return {"best_linear": bla, "linear_fit": linear_fit(bla, [1], rng, zeros=[0])}
+
+
+def test_the_levels_of_noise_and_distortion_stand_below_the_gain(run, tmp_path):
+    for curved, said in ((0.3, "dB above noise"), (0.0, "dB below noise")):
+        found = multisines(curved)
+        figure = drawn("best_linear", replace(run, stages=found))
+        lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+        bla, level = found["best_linear"], lines["standard error: noise and distortion"]
+        np.testing.assert_allclose(level, 10 * np.log10(2 * bla.std**2))
+        expected = 20 * np.log10(1e-3 / np.sqrt(4 * 6) * np.sqrt(256) / 40)  # white noise over 24 periods, at |U| = 40
+        assert np.median(lines["of it noise"]) == pytest.approx(expected, abs=1)
+        above = np.median(level - lines["of it noise"])
+        assert above > 10 if curved else abs(above) < 2
+        assert said in figure.axes[0].texts[0].get_text()
+        np.testing.assert_allclose(lines["rational fit, 1 poles"], _db(np.abs(response(found["linear_fit"], bla.omega))))
+    names, faults = plots.draw(replace(run, stages=found, residuals=()), tmp_path)
+    assert "best_linear.png" in names
+    assert faults == ()
+
+
+def test_without_realisations_there_is_one_level(run):
+    bla = multisines(0.3)["best_linear"]
+    figure = drawn("best_linear", replace(run, stages={"best_linear": bla._replace(noise=np.full(len(bla.omega), np.nan))}))
+    assert [line.get_label() for line in figure.axes[0].lines] == ["best linear approximation", "standard error"]
+
+
+def test_a_rational_fit_has_the_response_of_its_filter():
+    fit = SimpleNamespace(gain=1.5, zeros=np.array([0.3]), poles=np.array([0.8, 0.5 + 0.3j, 0.5 - 0.3j]), dt=0.1)
+    omega = np.array([0.1, 3.0, 20.0])
+    den = np.real(np.poly(fit.poles))
+    num = np.poly(fit.zeros) * 1.5 * den.sum() / np.poly(fit.zeros).sum()
+    np.testing.assert_allclose(response(fit, omega), freqz(num, den, omega * 0.1)[1])

@@ -113,9 +113,14 @@ def from_rational(
 
 
 def rivals_of(fit: Rational, system: System) -> list[System]:
-    """Return the system with the linear blocks of every rival of the joint fit."""
-    found = []
+    """Return the system with the linear blocks of every rival of the joint fit that has no more numbers.
+
+    Those with more were not worth them, and what a record of all samples says of a pole far beyond the sines costs seconds.
+    """
+    found, own = [], sum(map(len, (fit.front_num, fit.front_den, fit.back_num, fit.back_den)))
     for parts in fit.alternatives():
+        if sum(map(len, parts)) > own:
+            continue
         front_num, front_den, back_num, back_den = (tuple(map(float, part)) for part in parts)
         front, back = Linear(num=front_num, den=front_den), Linear(num=back_num, den=back_den)
         found.append(System(chain=(front, *system.chain[1:-1], back)))
