@@ -1,4 +1,4 @@
-"""Best linear approximation: gain over the level of what it leaves, noise apart from distortion where that is known; phase."""
+"""Best linear approximation: gain over the levels of noise and distortion, phase, the rational fit."""
 
 from __future__ import annotations
 
