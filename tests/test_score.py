@@ -12,7 +12,7 @@ from whid.experiments.sine import Sine
 from whid.fit import linear_least_squares
 from whid.methods._method import Model
 from whid.record import Record
-from whid.residual import residual
+from whid.residual import misfit_of, residual
 from whid.score import doubts, linear_gain, score
 from whid.system import System
 
@@ -24,7 +24,7 @@ def test_errors_of_each_use_are_apart():
     record = Record(u=np.ones(8), y=np.array([1.0, -1, 1, -1, 5, 7, 5, 7]), dt=1.0, parts=parts)
     left = np.array([0.3, 0.4, 0.3, 0.4, 2.0, 2.0, 2.0, np.nan])
     record = replace(record, valid=np.isfinite(left))
-    found = score(Model(System(chain=(Linear(num=(1.0,), den=(1.0,)),)), ESTIMATE), [record], [left])
+    found = score(Model(System(chain=(Linear(num=(1.0,), den=(1.0,)),)), ESTIMATE), [record], [misfit_of(record, left)])
     assert found["estimation.rms"] == pytest.approx(np.sqrt(0.125))
     assert found["estimation.nrmse"] == pytest.approx(np.sqrt(0.125))
     assert found["report.rms"] == pytest.approx(2.0)
@@ -54,9 +54,9 @@ def test_gains_are_compared_after_the_static_gains_are_taken_out():
         Sine(offset=1.0, amplitude=1.0, period=10.0, start=10, stop=50),
     )
     record = Record(u=np.ones(50), y=np.zeros(50), dt=0.2, parts=parts)
-    found = score(Model(same, ESTIMATE), [record], [np.zeros(50)], truth)
+    found = score(Model(same, ESTIMATE), [record], [misfit_of(record, np.zeros(50))], truth)
     assert all(found[name] < 1e-12 for name in found if ".error." in name)
-    found = score(Model(off, ESTIMATE), [record], [np.zeros(50)], truth)
+    found = score(Model(off, ESTIMATE), [record], [misfit_of(record, np.zeros(50))], truth)
     s = 1j * np.pi
     ratio = (s + 1) / (1.1 * s + 1)
     assert found["front.gain.error.max"] == pytest.approx(abs(abs(ratio) - 1) / abs(s + 1))
@@ -91,7 +91,7 @@ def test_where_only_the_product_is_claimed_the_product_is_judged():
     record = Record(
         u=np.ones(50), y=np.zeros(50), dt=0.2, parts=(Sine(offset=1.0, amplitude=1.0, period=10.0, start=10, stop=50),)
     )
-    found = score(Model(ours, ESTIMATE), [record], [np.zeros(50)], truth)
+    found = score(Model(ours, ESTIMATE), [record], [misfit_of(record, np.zeros(50))], truth)
     assert found["linear.gain.error.max"] < 1e-12
     assert found["linear.phase.error.max"] < 1e-12
     assert not any(name.startswith(("front", "back")) for name in found)

@@ -2,12 +2,16 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
+from whid import flow
 from whid.blocks.linear import Linear
 from whid.blocks.polynomial import Polynomial
 from whid.blocks.saturation import Saturation
+from whid.config.load import load_study
+from whid.config.memory import START
 from whid.disturbances.ar import Ar
 from whid.disturbances.jitter import Jitter
 from whid.disturbances.level import Level
@@ -23,9 +27,15 @@ from whid.experiments.noise_band import NoiseBand
 from whid.experiments.sine import Sine
 from whid.experiments.square import Square
 from whid.experiments.steps import Steps
+from whid.files import csv, hdf5_table
+from whid.files import ingest_long as ingest_module
+from whid.files.ingest import ingest
+from whid.files.ingest_long import ingest_long
+from whid.files.source import Columns, DataSource
 from whid.fit import linear_least_squares
 from whid.long_record import LongRecord
 from whid.methods.memoryless import Memoryless
+from whid.operations.scale import Scale
 from whid.record import Chunk
 from whid.simulate import simulate, stream
 from whid.stages._curve_sums import curve_sums, one_chunk
@@ -136,3 +146,140 @@ def test_sums_cancel_nothing():
     np.testing.assert_allclose(fit.coefficients, direct.values, rtol=0, atol=1e-9)
     np.testing.assert_allclose(fit.rest, direct.chi2, rtol=1e-9)
     np.testing.assert_allclose(fit.estimate.covariance, direct.covariance, rtol=1e-9, atol=1e-24)
+
+
+ROWS = 1500
+
+
+def table(tmp_path, kind, missing, edit):
+    """A file of a memoryless system, and its source; edit(t, u, y) may drop rows or put NaN."""
+    rng = np.random.default_rng(11)
+    t, u = 5 + 0.01 * np.arange(ROWS), rng.uniform(-1, 1, ROWS)
+    t, u, y = edit(t, u, u + 0.5 * u**3 + 0.01 * rng.standard_normal(ROWS))
+    path = tmp_path / f"long.{kind}"
+    if kind == "csv":
+        rows = [",".join(f"{x:.9g}" if np.isfinite(x) else "" for x in row) for row in zip(t, u, y, strict=True)]
+        path.write_text("t,u,y\n" + "\n".join(rows) + "\n")
+    else:
+        with h5py.File(path, "w") as file:
+            file["t"], file["both"] = t, np.stack([u, y], axis=1)
+    columns = (
+        Columns(time="t", input="u", output="y") if kind == "csv" else Columns(time="t", input="both.0", output="both.1")
+    )
+    scale = (Scale(factor=2.0, column="output"),)
+    return DataSource(file=str(path), columns=columns, missing=missing, operations=scale)
+
+
+def rows_left_out(t, u, y):
+    """Holes of four rows and of one, y missing beside one and before another, the input of both kinds."""
+    y[::13], u[700:720] = np.nan, 0.25
+    y[697], y[712] = np.nan, np.nan
+    kept = (np.arange(ROWS) % 350 > 3) | (np.arange(ROWS) < 9)
+    kept[[77, 705, 706, 1400]] = False
+    return t[kept], u[kept], y[kept]
+
+
+@pytest.mark.parametrize("size", [7, 640, 10**6])
+@pytest.mark.parametrize(("kind", "missing"), [("csv", "mask"), ("csv", "interpolate"), ("h5", "interpolate")])
+def test_a_file_in_chunks_is_the_file(tmp_path, monkeypatch, kind, missing, size):
+    monkeypatch.setattr(csv, "CHUNK", size)
+    monkeypatch.setattr(hdf5_table, "BLOCK", size)
+    monkeypatch.setattr(ingest_module, "FIRST", 5)
+
+    def edit(t, u, y):
+        t, u, y = rows_left_out(t, u, y)
+        if missing == "mask":  # a hole in the input may be masked only where it is held
+            u[:] = np.repeat(u[::50], 50)[: len(u)]
+            u[np.arange(len(u)) // 50 % 7 == 0] = 0.25
+            keep = np.abs(np.diff(u, append=u[-1])) < 1e9
+            return t[keep], np.where(np.diff(t, append=t[-1] + 0.01) > 0.011, np.roll(u, -1), u), y
+        return t, u, y
+
+    source = table(tmp_path, kind, missing, edit)
+    whole, long = ingest(source, tmp_path).record, ingest_long(source, tmp_path).record
+    assert (len(long), long.t0, long.units) == (len(whole), whole.t0, whole.units)
+    assert long.dt == pytest.approx(whole.dt, rel=1e-12)
+    u, y = gathered(long)
+    np.testing.assert_allclose(u, whole.u, rtol=1e-13)
+    np.testing.assert_allclose(y, np.where(whole.mask, whole.y, np.nan), rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "said"),
+    [
+        (lambda lines: [*lines[:1200], lines[1200][:15]], "data-cell", "long.csv:1201"),  # a file cut mid-way
+        (lambda lines: [*lines[:900], lines[900].replace(",", ",x"), *lines[901:]], "data-cell", "long.csv:901"),
+        (lambda lines: [*lines[:900], lines[899], *lines[901:]], "data-time-order", "long.csv:901"),
+        (lambda lines: [*lines[:900], lines[900].rpartition(",")[0] + ",", *lines[901:]], "data-missing", "long.csv:901"),
+        (lambda lines: [lines[0], *(line.rpartition(",")[0] + ",1.5" for line in lines[1:])], "data-dead", "output"),
+    ],
+)
+def test_faults_of_a_file_in_chunks_name_the_row(tmp_path, monkeypatch, change, code, said):
+    monkeypatch.setattr(csv, "CHUNK", 100)
+    source = table(tmp_path, "csv", "error", lambda *columns: columns)
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+    for read in (ingest, ingest_long):
+        with pytest.raises(WhidError) as fault:
+            read(source, tmp_path)
+        assert fault.value.code == code
+        assert said in str(fault.value)
+
+
+def test_a_damaged_hdf5_file_is_named(tmp_path):
+    source = table(tmp_path, "h5", "error", lambda *columns: columns)
+    path = tmp_path / "long.h5"
+    path.write_bytes(path.read_bytes()[:20_000])
+    with pytest.raises(WhidError) as fault:
+        ingest_long(source, tmp_path)
+    assert fault.value.code == "data-unreadable"
+
+
+STUDY = """
+name: long
+seed: 3
+plant:
+  chain: [{kind: polynomial, coefficients: [0, 0.6, 0, 0.4]}]
+  noise: {kind: white, std: 0.1}
+experiment:
+  dt: 0.01
+  parts:
+    - {kind: multisine, period: 5003, periods: 20, band: [0, 0.9], rms: 0.4}
+    - {kind: multisine, period: 5003, periods: 6, band: [0, 0.9], rms: 0.4, use: report}
+identify: {kind: memoryless, order: 3, domain: [-1, 1], half_width: 0.02}
+"""
+
+
+def test_a_run_in_chunks_is_the_run(tmp_path):
+    """The same metrics, stages and pictures; what is kept of the record is thinned, and read back."""
+    config = tmp_path / "long.yaml"
+    config.write_text(STUDY)
+    study = load_study(config)
+    whole = flow.execute(study, tmp_path, np.random.SeedSequence(study.seed))
+    long = flow.run(config, tmp_path / "long", max_memory=START + 1e6)
+    assert whole.error is None
+    assert long.error is None
+    assert long.pictures == ("memoryless_curve.png", "residual.png")
+    assert list(long.stages) == list(whole.stages)
+    for name, value in whole.metrics.items():
+        np.testing.assert_allclose(long.metrics[name], value, rtol=1e-9, err_msg=name)
+    assert (len(whole.records[0]), len(long.records[0])) == (140_084, 70_042)
+    assert "140084 samples in chunks, every 2th kept" in str(long.tables[0])
+    again = flow.load(long.path)
+    np.testing.assert_array_equal(again.records[0].u, whole.records[0].u[::2])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["identify={kind: parametric}"], "parametric needs whole records in memory"),
+        (["identify.inverse=true"], "inverse: true"),
+        (["experiment.parts[0]={kind: noise_band, duration_s: 2e4}"], "drawn at once"),
+    ],
+)
+def test_what_needs_whole_records_is_refused_before_it_starts(tmp_path, overrides, said):
+    config = tmp_path / "long.yaml"
+    config.write_text(STUDY)
+    with pytest.raises(WhidError, match=said) as fault:
+        flow.run(config, tmp_path / "long", overrides, max_memory=START + 1e6)
+    assert fault.value.code == "memory"

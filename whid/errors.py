@@ -166,7 +166,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "memory": Explanation(
         "A study would need more memory than it may have.",
-        "Allow more with `--max-memory 8GB`, or simulate fewer samples.",
+        "Allow more with `--max-memory 8GB`, use fewer samples (a shorter or decimated file), or a method that goes through "
+        "them in chunks: memoryless, wiener_hammerstein.",
         CONFIG,
     ),
     "run-folder": Explanation(

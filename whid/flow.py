@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -26,24 +26,27 @@ from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files import run_folder
 from whid.files.ingest import ingest
+from whid.files.ingest_long import ingest_long
 from whid.files.provenance import provenance
 from whid.files.result import read_result, write_result
 from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.kinds import plain
+from whid.long_record import LongRecord
 from whid.methods._method import Answered, Model, Wanted
 from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
-from whid.residual import residual
+from whid.residual import Misfit, misfit, thinned
 from whid.result import Asked, Failure, Result, snake_case
 from whid.signal import Floats
-from whid.simulate import Clean, simulate
+from whid.simulate import Clean, simulate, stream
 from whid.stages.intersample import intersample
 from whid.tables import in_units
 from whid.trace import Trace
 from whid.trace import trace as closed_loop
 
+HEAD = 200_000  # samples of a long record that are looked at for doubts
 Watch = Callable[[str, float], None]  # a finished step and its seconds
 
 
@@ -67,13 +70,13 @@ def run(
     """
     study = config if isinstance(config, Study) else load_study(config, overrides)
     base = base or (Path(config).parent if isinstance(config, (str, Path)) else Path())
-    allow(study, max_memory, base)
+    chunked = allow(study, max_memory, base)
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
     stem = run_folder.stem(study.name, origin["hash"])
     if not force and (done := run_folder.finished(Path(out), stem)):
         return replace(load(done), reused=True)
     with RunFolder(Path(out), stem) as folder:
-        work = _Work(study, base, np.random.SeedSequence(study.seed), _Clock(folder.log, watch))
+        work = _Work(study, base, np.random.SeedSequence(study.seed), _Clock(folder.log, watch), chunked=chunked)
         work.obtain()
         work.attempt(work.identify, work.trace, work.assess)
         result = work.result(origin)
@@ -151,16 +154,17 @@ class _Work:
     base: Path
     seeds: np.random.SeedSequence
     clock: _Clock
-    records: list[Record] = field(default_factory=list)
+    records: list[Record | LongRecord] = field(default_factory=list)
+    misfits: tuple[Misfit, ...] = ()
     notes: list[str] = field(default_factory=list)
     stages: dict[str, Any] = field(default_factory=dict)
     asked: list[Asked] = field(default_factory=list)
-    residuals: tuple[Floats, ...] = ()
     metrics: dict[str, float | Measured] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     error: Failure | None = None
     doing: str = ""
     clean: Clean | None = None
+    chunked: bool = False
 
     def attempt(self, *steps: Callable[[], None]) -> None:
         """Do the steps; a fault ends the work, not what was finished."""
@@ -179,24 +183,29 @@ class _Work:
     def obtain(self) -> None:
         """Simulate the experiments or ingest the files."""
         for experiment in self.study.experiment:
-            self.perform(experiment)
+            self.perform(experiment, self.chunked)
         for source in self.study.sources:
-            found = ingest(source, self.base)
+            found = ingest_long(source, self.base) if self.chunked else ingest(source, self.base)
             self.records.append(found.record)
             self.notes += [f"{found.record.name}: {note}" for note in found.notes]
             self.clock.tick(f"ingested {found.record.name}, {len(found.record)} samples")
 
-    def perform(self, experiment: Experiment) -> Record:
+    def perform(self, experiment: Experiment, chunked: bool = False) -> Record | LongRecord:
         """Simulate one experiment with a generator of its own."""
         assert self.study.plant is not None
         rng = np.random.default_rng(self.seeds.spawn(1)[0])
-        self.records.append(simulate(self.study.plant, experiment, rng, clean=self.clean))
-        self.clock.tick(f"simulated {experiment.name}, {len(self.records[-1])} samples")
+        if chunked:
+            self.records.append(stream(self.study.plant, experiment, rng))
+            self.clock.tick(f"to simulate in chunks: {experiment.name}, {len(self.records[-1])} samples")
+        else:
+            self.records.append(simulate(self.study.plant, experiment, rng, clean=self.clean))
+            self.clock.tick(f"simulated {experiment.name}, {len(self.records[-1])} samples")
         return self.records[-1]
 
     def identify(self) -> None:
         """Run the method on what it may see, collect its stages, serve the experiments it wants."""
-        stages = self.study.identify([_open(record) for record in self.records], self.study.model)
+        records = [_open(record) for record in self.records]
+        stages = self.study.identify(cast(list[Record], records), self.study.model)  # long ones only where it takes them
         answer: Record | None = None
         try:
             while True:
@@ -221,7 +230,7 @@ class _Work:
         asked = Asked(wanted.reason, float(wanted.predicted_se), in_units(wanted.of, self.records[0].units), plan, samples)
         refused = self.refusal(experiment)
         self.asked.append(asked._replace(refused=refused) if refused else asked._replace(record=name))
-        return None if refused else _open(self.perform(experiment))
+        return None if refused else cast(Record, _open(self.perform(experiment)))
 
     def refusal(self, experiment: Experiment) -> str:
         """Return why an experiment asked for is not performed, "" if it is: measured data, no budget, beyond the budget."""
@@ -254,7 +263,7 @@ class _Work:
         if self.study.trace is None:
             return
         system = self.study.model or self.stages["model"].system
-        for found in closed_loop(system, self.records, self.study.trace, _path(self.study)):
+        for found in closed_loop(system, cast(list[Record], self.records), self.study.trace, _path(self.study)):
             if isinstance(found, Model):
                 self.stages["model_before"] = self.stages.pop("model")
             self.collect(found)
@@ -263,8 +272,8 @@ class _Work:
         """Open the report parts: the residual of every record, then the score."""
         model = self.stages["model"]
         path = _path(self.study)
-        self.residuals = tuple(residual(model.system.tree, record, path) for record in self.records)
-        self.metrics = dict(score.score(model, self.records, self.residuals, self.study.plant))
+        self.misfits = tuple(misfit(model.system.tree, record, path) for record in self.records)
+        self.metrics = dict(score.score(model, self.records, self.misfits, self.study.plant))
         for stage in self.stages.values():
             self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
             self.warnings += stage.doubts() if hasattr(stage, "doubts") else ()
@@ -272,14 +281,21 @@ class _Work:
         self.clock.tick("score")
         self.warnings += _doubts([_open(record) for record in self.records])
 
+    def kept(self) -> tuple[Record, ...]:
+        """Return the records, of long ones every so many-th sample."""
+        if self.misfits:
+            return tuple(found.record for found in self.misfits)
+        return tuple(thinned(record) if isinstance(record, LongRecord) else record for record in self.records)
+
     def result(self, origin: Mapping[str, Any]) -> Result:
         """Return what there is, its bounds checked."""
         printed = self.study.published
         paths = dict.fromkeys(experiment.path for experiment in self.study.experiment)
         facts = {"seed": self.study.seed, "path": " and ".join(paths) or "measured", "method": self.study.identify.kind}
         return Result(
-            name=self.study.name, records=tuple(self.records), stages=self.stages, truth=self.study.plant,
-            residuals=self.residuals, metrics=self.metrics, asked=tuple(self.asked), error=self.error,
+            name=self.study.name, records=self.kept(), stages=self.stages, truth=self.study.plant,
+            residuals=tuple(found.error for found in self.misfits), metrics=self.metrics, asked=tuple(self.asked),
+            error=self.error,
             published=None if printed is None else tuple((row.quantity, row.value, row.truth) for row in printed),
             checks=tuple(c for bound in self.study.expect for c in bound.checks(*_numbers(self.metrics, bound.metric))),
             warnings=tuple(self.warnings), provenance={**origin, **facts, "notes": tuple(self.notes)},
@@ -317,14 +333,16 @@ def _path(study: Study) -> Literal["exact", "sampled"]:
     return "sampled" if any(experiment.path == "sampled" for experiment in study.experiment) else "exact"
 
 
-def _open(record: Record) -> Record:
+def _open(record: Record | LongRecord) -> Record | LongRecord:
     """Return what a method may see of a record: no output of a report part."""
-    return record.without("report") if record.using("report").any() else record
+    return record.without("report") if record.has("report") else record
 
 
-def _doubts(records: Sequence[Record]) -> Iterator[str]:
+def _doubts(records: Sequence[Record | LongRecord]) -> Iterator[str]:
     """Yield a warning for every record whose input seems to do something else between samples than is declared."""
     for record in records:
+        if isinstance(record, LongRecord):
+            record = replace(record.head(HEAD), parts=record.parts)
         if record.parts and all(part.kind == "sine" for part in record.parts):
             continue  # the next sample of a sine is known from the last two: nothing to tell by
         known = np.flatnonzero(np.diff(np.isfinite(record.y), prepend=False, append=False)).reshape(-1, 2)

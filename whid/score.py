@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from whid.blocks._static import Static
 from whid.blocks.delay import Delay
 from whid.blocks.linear import Linear
+from whid.long_record import LongRecord
 from whid.methods._method import Model
 from whid.quantity import Measured
 from whid.record import Record
+from whid.residual import Misfit
 from whid.signal import Floats, rms
 from whid.stages.identifiability import distinct
 from whid.system import System
@@ -23,7 +25,9 @@ ACROSS = 401  # inputs at which two curves are compared
 MISFIT = 3.0  # χ²/dof: errors understated by √3 and more, at any number of degrees of freedom that matters
 
 
-def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], truth: System | None = None) -> Metrics:
+def score(
+    model: Model, records: Sequence[Record | LongRecord], misfits: Sequence[Misfit], truth: System | None = None
+) -> Metrics:
     """Return every metric by name.
 
     {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)
@@ -37,13 +41,15 @@ def score(model: Model, records: Sequence[Record], residuals: Sequence[Floats], 
     """
     metrics: Metrics = {}
     for use in ("estimation", "selection", "report"):
-        error = np.concatenate([r[record.using(use)] for record, r in zip(records, residuals, strict=True)])
-        output = [record.y[record.using(use)] for record in records]
-        spread = np.concatenate([y - y.mean() for y in output if len(y)]) if len(error) else np.empty(0)
-        if len(error):
-            nrmse = rms(error) / rms(spread) if rms(spread) > 0 else float("nan")
-            metrics |= {f"{use}.rms": rms(error), f"{use}.nrmse": nrmse, f"{use}.fit": 100 * (1 - nrmse)}
-    return metrics | (dict(_against(model.system, records, truth)) if truth else {})
+        sizes = [misfit.sizes[use] for misfit in misfits if use in misfit.sizes]
+        if sizes:
+            known = sum(size.errors for size in sizes)
+            error = float(np.sqrt(sum(size.square for size in sizes) / known)) if known else float("nan")
+            output = sum(size.output.squares for size in sizes) / sum(size.samples for size in sizes)
+            nrmse = error / float(np.sqrt(output)) if output > 0 else float("nan")
+            metrics |= {f"{use}.rms": error, f"{use}.nrmse": nrmse, f"{use}.fit": 100 * (1 - nrmse)}
+    reach = min(misfit.reach[0] for misfit in misfits), max(misfit.reach[1] for misfit in misfits)
+    return metrics | (dict(_against(model.system, records, reach, truth)) if truth else {})
 
 
 def doubts(model: Model, metrics: Metrics) -> Iterator[str]:
@@ -112,16 +118,18 @@ def linear_response(system: System, omega: Floats) -> NDArray[np.complex128]:
     return np.asarray(product / static)
 
 
-def _without_memory(system: System, records: Sequence[Record], truth: System) -> Floats:
+def _without_memory(system: System, reach: tuple[float, float], truth: System) -> Floats:
     """Return inputs across the domain of a polynomial, or those that there were, where neither system has memory."""
     if not all(isinstance(block, Static) for s in (system, truth) for block in s.series):
         return np.empty(0)
     domain = getattr(system.series[0], "domain", None)
-    low, high = domain or (min(r.u.min() for r in records), max(r.u.max() for r in records))
+    low, high = domain or reach
     return np.linspace(low, high, ACROSS)
 
 
-def _against(system: System, records: Sequence[Record], truth: System) -> Iterator[tuple[str, float]]:
+def _against(
+    system: System, records: Sequence[Record | LongRecord], reach: tuple[float, float], truth: System
+) -> Iterator[tuple[str, float]]:
     sines = [(part.radians(r.dt), part) for r in records for part in r.parts if part.kind == "sine"]  # type: ignore[attr-defined]
     fundamentals = distinct(np.array([w for w, _ in sines]))
     reached = {"front": fundamentals, "back": distinct(np.concatenate([fundamentals, 2 * fundamentals]))}
@@ -145,7 +153,7 @@ def _against(system: System, records: Sequence[Record], truth: System) -> Iterat
             yield f"{side}.phase.error.max", float(np.abs(np.angle(ratio)).max())
     levels = np.unique([part.level for r in records for part in r.parts if part.kind == "hold"])  # type: ignore[attr-defined]
     if not len(levels):
-        levels = _without_memory(system, records, truth)
+        levels = _without_memory(system, reach, truth)
     if len(levels):
         dt = records[0].dt
         ours, true = (np.array([s.tree.steady(float(u), dt)[0] for u in levels]) for s in (system, truth))

@@ -114,8 +114,10 @@ def _record(record: Record) -> str:
     units = f"input {record.units.get('input', '1')}, output {record.units.get('output', '1')}, "
     parts = Counter(part.kind + ("" if part.use == "estimation" else f" ({part.use})") for part in record.parts)
     missing = int(np.sum(~record.mask))
+    every = getattr(record, "every", 1)
+    whole = f"{len(record)} samples" if every == 1 else f"{record.samples} samples in chunks, every {every}th kept"  # type: ignore[attr-defined]
     return (
-        f"{len(record)} samples, dt {record.dt:.6g} s, {units if set(record.units.values()) != {'1'} else ''}"
+        f"{whole}, dt {record.dt / every:.6g} s, {units if set(record.units.values()) != {'1'} else ''}"
         f"{record.intersample}, {record.initial}"
         + (": " + ", ".join(f"{count} {kind}" for kind, count in parts.items()) if parts else "")
         + (f"; {missing} missing" if missing else "")

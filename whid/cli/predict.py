@@ -44,6 +44,7 @@ def command(
     from whid.predict import predict
     from whid.quantity import Table
     from whid.refine import band
+    from whid.residual import misfit_of
     from whid.score import score
 
     result = flow.load(run)
@@ -54,7 +55,7 @@ def command(
     y_hat, std = predict(tree, record, path), band(tree, record, result.model.estimate, path)
     metrics: dict[str, Any] = {"samples": len(record), "y_hat_std.max": float(std.max(initial=0.0))}
     if record.mask.any():
-        metrics |= score(result.model, [record], (np.where(record.mask, record.y - y_hat, np.nan),))
+        metrics |= score(result.model, [record], [misfit_of(record, np.where(record.mask, record.y - y_hat, np.nan))])
     if out is not None:
         write_new(out, _csv(record, y_hat, std))
     if as_json:

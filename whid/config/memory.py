@@ -8,12 +8,14 @@ from pathlib import Path
 
 from whid.config.study import Study
 from whid.errors import WhidError
+from whid.files import ingest_long
 from whid.files.source import DataSource, locate
 
 START = 200_000_000  # bytes: Python with numpy, scipy, matplotlib and h5py loaded, and the pictures
 SAMPLE = 90  # bytes a sample at the peak; measured with the starter at 1e6 … 1e7 samples: 54 … 75
 FILE = {".csv": 6, ".txt": 6, ".tsv": 6, ".dat": 6, ".gz": 30}  # a byte of text in bytes at the peak; gzip is 5 to 1
 BINARY = 8  # 24 bytes a sample in the file
+CHUNKED = frozenset({".csv", ".txt", ".tsv", ".dat", ".asc", ".gz", ".h5", ".hdf5"})
 UNITS = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 
 
@@ -30,11 +32,40 @@ def memory(study: Study, base: Path = Path()) -> int:
     return min(START + SAMPLE * simulated + sum(_file(source, base) for source in study.sources), sys.maxsize)
 
 
-def allow(study: Study, limit: float, base: Path = Path()) -> None:
-    """Raise `WhidError("memory")` for a study that will need more than `limit` bytes."""
+def allow(study: Study, limit: float, base: Path = Path()) -> bool:
+    """Tell whether a study goes through its records in chunks, because whole they would need more than `limit` bytes.
+
+    Below the limit records are held whole: everything can be done with them. Raises `WhidError("memory")` where chunks do
+    not help: a method that needs whole records, or a closed loop; an input that is drawn at once.
+    """
     needed = memory(study, base)
-    if needed > limit or needed == sys.maxsize:
-        raise WhidError("memory", f"this study needs about {human(needed)}, {human(limit)} are allowed")
+    if needed <= limit and needed < sys.maxsize:
+        return False
+    why = whole(study)
+    if not why:
+        least = in_chunks(study)
+        if least <= limit:
+            return True
+        why = f"in chunks {human(least)}, for an input that is drawn at once"
+    raise WhidError("memory", f"this study needs about {human(needed)}, {human(limit)} are allowed; {why}")
+
+
+def whole(study: Study) -> str:
+    """Return why a study's records must be in memory whole, "" where they may come in chunks."""
+    if study.trace is not None:
+        return "the closed loop needs whole records in memory"
+    for source in study.sources:
+        if not (suffix := Path(source.file).suffix.lower()) or suffix not in CHUNKED:
+            return f"{source.file}: only {', '.join(sorted(CHUNKED))} are read in chunks"
+        if why := ingest_long.whole(source):
+            return f"{source.name}: {why}"
+    return study.identify.whole_records()
+
+
+def in_chunks(study: Study) -> int:
+    """Return the peak memory of a run that goes through its records in chunks, bytes: whatever their length."""
+    kept = [part.numbers(experiment.dt) for experiment in study.experiment for part in experiment.plan()]
+    return START + 8 * max(kept, default=0)
 
 
 def size(text: str) -> int:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from whid.config.memory import human, memory
+from whid.config.memory import human, in_chunks, memory, whole
 from whid.config.study import Study
 from whid.files.source import DataSource
 from whid.kinds import plain
@@ -32,7 +32,8 @@ def overview(study: Study, base: Path = Path()) -> Table:
     if study.sweep:
         cells = " × ".join(f"{path} ({len(values)})" for path, values in study.sweep.over.items())
         rows.append(("sweep", f"{study.sweep.mode} over {cells}, {study.sweep.repeats} repeats"))
-    rows.append(("memory", f"about {human(memory(study, base))}"))
+    chunked = "" if whole(study) else f"; in chunks {human(in_chunks(study))}, where it would be more than allowed"
+    rows.append(("memory", f"about {human(memory(study, base))}{chunked}"))
     return Table("", ("section", "what"), tuple(rows))
 
 

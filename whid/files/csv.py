@@ -35,13 +35,19 @@ def read(path: Path, delimiter: str | None = None, decimal: str | None = None, h
             chunks = list(_chunks(islice(_lines(file, path), dialect.first, None), dialect, columns, path, blanks))
         return [np.concatenate([chunk[:, k] for chunk in chunks]) for k in range(len(columns))]
 
+    def blocks(columns: Sequence[int]) -> Iterator[list[Floats]]:
+        blanks.clear()
+        with _open(path, encoding) as file:
+            for chunk in _chunks(islice(_lines(file, path), dialect.first, None), dialect, columns, path, blanks):
+                yield list(np.ascontiguousarray(chunk.T))
+
     def where(sample: int) -> str:
         row = dialect.first + 1 + sample
         for blank in blanks:
             row += blank <= row
         return f"{path.name}:{row}"
 
-    return Table(dialect.names, dialect.units, {}, load, where, dialect.named)
+    return Table(dialect.names, dialect.units, {}, load, where, dialect.named, blocks=blocks)
 
 
 def _chunks(

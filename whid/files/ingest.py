@@ -150,10 +150,10 @@ def _on_grid(
     hold, where = source.intersample == "zoh", table.where
     notes: tuple[str, ...] = ()
     if time is None:
-        dt, notes = (declared, ()) if declared else _step_in(table)
+        dt, notes = (declared, ()) if declared else step_in(table)
         uniform = grid.Grid(dt, 0.0, None, 0.0)
     else:
-        time, notes = _seconds(source, table, chosen, time, declared)
+        time, notes = seconds(source, table, chosen, time, declared)
         grid.check_order(time, where)
         if any(operation.kind == "resample" for operation in source.operations):
             series, more = grid.complete(time, u, y, source.missing, hold, where)
@@ -188,7 +188,7 @@ def _row_of(uniform: grid.Grid, table: Table) -> grid.Where:
     return lambda sample: table.where(int(np.searchsorted(index, sample, side="right")) - 1)
 
 
-def _step_in(table: Table) -> tuple[float, tuple[str, ...]]:
+def step_in(table: Table) -> tuple[float, tuple[str, ...]]:
     """Return the sampling time that the file itself names among its scalars."""
     for name, value in table.scalars.items():
         key = name.casefold().rpartition("/")[2].rpartition(".")[2]
@@ -197,7 +197,7 @@ def _step_in(table: Table) -> tuple[float, tuple[str, ...]]:
     raise WhidError("data-column", f"no time column among {', '.join(table.names[:20])}; give dt: or rate_hz:")
 
 
-def _seconds(
+def seconds(
     source: DataSource, table: Table, chosen: Chosen, time: Floats, declared: float | None
 ) -> tuple[Floats, tuple[str, ...]]:
     """Return the time column in seconds; a unit in the file's heading and a declared one must agree."""
@@ -245,8 +245,14 @@ def _parts(source: DataSource, series: Series, dt: float) -> tuple[tuple[Part, .
         kinds = [part.kind for part in parts]
         found = ", ".join(f"{kinds.count(kind)} {kind}{'s' * (kinds.count(kind) > 1)}" for kind in dict.fromkeys(kinds))
         return parts, (f"parts found: {found or 'none'}",)
+    return placed(source, dt, len(series.time)), ()
+
+
+def placed(source: DataSource, dt: float, samples: int) -> tuple[Part, ...]:
+    """Return the declared parts, each at its place; raise `WhidError("data-parts")` for one beyond the record."""
+    assert source.parts != "auto"
     placed: list[Part] = []
-    cursor, samples = 0, len(series.time)
+    cursor = 0
     for k, whole in enumerate(source.parts):
         cursor = cursor if whole.start is None else whole.start
         for part in whole.expand(dt):
@@ -257,4 +263,4 @@ def _parts(source: DataSource, series: Series, dt: float) -> tuple[tuple[Part, .
                 message = f"parts[{k}] ({part.kind}) covers samples {part.start} … {part.stop} of a record of {samples}"
                 raise WhidError("data-parts", message)
             placed.append(part)
-    return tuple(placed), ()
+    return tuple(placed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,7 +33,8 @@ class Table(NamedTuple):
     units   column name → unit, where the file says so
     scalars name → value of every single number in the file
     load    column numbers → columns; raises `WhidError` naming file and row
-    where   sample → "file:row"
+    where   sample → "file:row", of what has been read so far
+    blocks  column numbers → the same columns bit by bit, in order; None: the format cannot
     """
 
     names: tuple[str, ...]
@@ -43,6 +44,7 @@ class Table(NamedTuple):
     where: Callable[[int], str]
     named: bool = True  # False: the file has no header, columns are called 0, 1, …
     note: str = ""
+    blocks: Callable[[Sequence[int]], Iterator[list[Floats]]] | None = None
 
     def find(self, column: str | int) -> int:
         """Return a column's number; raise `WhidError("data-column")` with the nearest name when there is none."""
@@ -85,7 +87,16 @@ def open_table(path: Path, **text: Any) -> Table:
         raise WhidError("data-unreadable", "the file is empty", str(path))
     read = importlib.import_module(f"whid.files.{reader}").read
     table: Table = guarded(path, lambda: read(path, **text) if reader == "csv" else read(path))
-    return table._replace(load=lambda columns: guarded(path, lambda: table.load(columns)))
+    blocks = table.blocks
+    return table._replace(
+        load=lambda columns: guarded(path, lambda: table.load(columns)),
+        blocks=blocks and (lambda columns: _guarded_blocks(path, blocks(columns))),
+    )
+
+
+def _guarded_blocks(path: Path, blocks: Iterator[list[Floats]]) -> Iterator[list[Floats]]:
+    while (block := guarded(path, lambda: next(blocks, None))) is not None:
+        yield block
 
 
 def guarded(path: Path, read: Callable[[], Any]) -> Any:
@@ -102,7 +113,7 @@ def guarded(path: Path, read: Callable[[], Any]) -> Any:
 
 def of_arrays(path: Path, arrays: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Table:
     """Return the table of named arrays: vectors and the columns of matrices are columns, single numbers are scalars."""
-    columns: dict[str, Callable[[], Floats]] = {}
+    columns: dict[str, Callable[..., Floats]] = {}
     scalars: dict[str, float] = {}
     for name, array in arrays.items():
         if array.dtype.kind not in "fiub":

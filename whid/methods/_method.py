@@ -54,6 +54,10 @@ class Method(Kind):
 
     family: ClassVar[str] = "whid.methods"
 
+    def whole_records(self) -> str:
+        """Return why records must be in memory whole; "" where they may be `LongRecord`s too."""
+        return f"{self.kind} needs whole records in memory"
+
     @abstractmethod
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield each stage's result in the paper's order, the Model last."""

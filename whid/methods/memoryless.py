@@ -62,6 +62,10 @@ class Memoryless(Method):
         if self.domain is not None and self.domain[0] >= self.domain[1]:
             raise WhidError("config-value", f"domain is [low, high], not {list(self.domain)}", "domain")
 
+    def whole_records(self) -> str:
+        """Return that the equaliser is found from all samples at once."""
+        return "inverse: true needs all samples at once" if self.inverse else ""
+
     def __call__(self, records: Sequence[Record | LongRecord], model: System | None = None) -> Stages:
         """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, equaliser; the Model last."""
         data = _Samples(records)

@@ -33,6 +33,7 @@ class Operation(Kind):
     """One step from raw columns to a Record; operations are applied in the order they are written."""
 
     family: ClassVar[str] = "whid.operations"
+    pointwise: ClassVar[bool] = False  # whether a sample's value hangs on that sample only: it may act on chunks
     any_grid: ClassVar[bool] = False  # whether it may act before the times are known to be uniform
 
     @abstractmethod

@@ -20,6 +20,7 @@ class Offset(ColumnOperation):
     array([0., 1.])
     """
 
+    pointwise: ClassVar[bool] = True
     any_grid: ClassVar[bool] = True
     value: float
 

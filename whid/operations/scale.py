@@ -24,6 +24,7 @@ class Scale(ColumnOperation):
     array([3., 6.])
     """
 
+    pointwise: ClassVar[bool] = True
     any_grid: ClassVar[bool] = True
     factor: float | None = None
     by: str | None = None

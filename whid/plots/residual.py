@@ -20,12 +20,17 @@ def draw(run: Any, figure: Figure) -> None:
     """Draw a row a record: the residual over time on the left, the two spectra on the right."""
     shown = [(r, e) for r, e in zip(run.records, run.residuals, strict=True) if np.isfinite(e).sum() > 1][:MOST]
     figure.set_size_inches(8.4, 1.2 + 2.3 * len(shown))
-    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.5, 1))
+    thin = all(getattr(record, "every", 1) > 1 for record, _ in shown)
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(1.5, 1e-3 if thin else 1))
     for (left, right), (record, residual) in zip(axes, shown, strict=True):
         _course(left, record, residual)
-        _spectra(right, record, residual)
+        if getattr(record, "every", 1) == 1:
+            _spectra(right, record, residual)
+        else:  # a spectrum of every so many-th sample would be folded
+            right.axis("off")
+            left.set_title(f"{record.name}: every {record.every}th of {record.samples:.4g} samples")
     axes[-1, 1].set_xlabel("frequency, rad/s")
-    spaced(figure, len(shown), 2, (0.85, 0.6))
+    spaced(figure, len(shown), 2, (0.85, 0.0 if thin else 0.6))
 
 
 def _course(axes: Axes, record: Any, residual: Floats) -> None:
