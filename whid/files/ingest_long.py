@@ -68,7 +68,8 @@ def _record(source: DataSource, table: Table) -> tuple[LongRecord, tuple[str, ..
     for chunk in pass_.chunks():
         seen.add(chunk)
     checks.check_length(pass_.samples, table.where(0).partition(":")[0])
-    jitter = (f"time jitter of {100 * pass_.jitter:.2g} % of a step accepted",) if pass_.jitter > 1e-6 else ()
+    least = 1e-6 + 2 * np.spacing(abs(pass_.t0)) / max(pass_.dt, 1e-300)  # what the digits of the time explain
+    jitter = (f"time jitter of {100 * pass_.jitter:.2g} % of a step accepted",) if pass_.jitter > least else ()
     more = (*pass_.notes, *jitter, *seen.notes(pass_.samples))
     operated = [
         " ".join([f"operation {o.kind}:", ", ".join(f"{k} {v}" for k, v in plain(o).items() if k != "kind")])
@@ -121,7 +122,7 @@ class _Pass:
         """Return the sampling time of all the file, once it has been read."""
         if not self.timed:
             return self.dt
-        return grid.tidy((self.last - self.t0) / max(self.samples - 1, 1), self.samples - 1)
+        return grid.tidy((self.last - self.t0) / max(self.samples - 1, 1), self.samples - 1, self.last)
 
     def _on_grid(self, u: Floats, y: Floats, time: Floats | None) -> _Waiting:
         """Return the next rows on the grid, NaN where rows were left out."""
