@@ -20,6 +20,7 @@ import numpy as np
 from whid import plots, score, summary
 from whid.config.load import as_system, load_study, resolved
 from whid.config.memory import allow
+from whid.config.next_plan import next_plan
 from whid.config.refined import refined_study
 from whid.config.study import Study
 from whid.errors import WhidError
@@ -47,6 +48,7 @@ from whid.trace import Trace
 from whid.trace import trace as closed_loop
 
 HEAD = 200_000  # samples of a long record that are looked at for doubts
+DECIDES = "it decides between effects: measure it, add the record, trace again"
 Watch = Callable[[str, float], None]  # a finished step and its seconds
 
 
@@ -264,9 +266,19 @@ class _Work:
             return
         system = self.study.model or self.stages["model"].system
         for found in closed_loop(system, cast(list[Record], self.records), self.study.trace, _path(self.study)):
+            if isinstance(found, Wanted):
+                self.note(found)
+                continue
             if isinstance(found, Model):
                 self.stages["model_before"] = self.stages.pop("model")
             self.collect(found)
+
+    def note(self, wanted: Wanted) -> None:
+        """Keep the experiment that would decide between effects: it is for whoever asked, not performed."""
+        plan = Experiment(dt=self.records[0].dt, parts=wanted.plan)
+        parts = tuple(plain(part) for part in wanted.plan)
+        asked = Asked(wanted.reason, float(wanted.predicted_se), wanted.of, parts, plan.samples(), refused=DECIDES)
+        self.asked.append(asked)
 
     def assess(self) -> None:
         """Open the report parts: the residual of every record, then the score."""
@@ -313,6 +325,8 @@ def _kept(result: Result, folder: RunFolder, clock: _Clock, refined: str = "") -
     folder.write("summary.md", summary.page(result))
     if refined:
         folder.write("refined.yaml", refined)
+    if decides := tuple(asked for asked in result.asked if asked.refused == DECIDES):
+        folder.write("deciding.yaml", next_plan(replace(result, asked=decides)))
     clock.tick("written")
     if result.error:
         folder.write("error.json", json.dumps(result.error._asdict(), indent=2))

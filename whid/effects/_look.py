@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block
 from whid.blocks.chain import Chain
+from whid.blocks.oversampled import Oversampled
 from whid.effects._candidate import Candidate
 from whid.errors import WhidError
 from whid.predict import chunks, input_signal
@@ -163,8 +164,11 @@ class Look:
         """Return the samples of what enters the block at a place of the series (len: what leaves the last)."""
         if self.system.series_path == "chain.":
             return tuple(x.values[before.lead :] for x, before in zip(self.courses(place), self.past, strict=True))
-        blocks = self.system.series[:place]
-        return tuple(respond(Chain(chain=blocks), r, self.path) if blocks else np.asarray(r.u, float) for r in self.records)
+        blocks, whole = self.system.series[:place], self.system.chain[0]
+        head: Block = (
+            replace(whole, chain=blocks) if isinstance(whole, Oversampled) and blocks else Chain(chain=blocks or (whole,))
+        )
+        return tuple(respond(head, r, self.path) if blocks else np.asarray(r.u, float) for r in self.records)
 
     def _same(self, system: System) -> int:
         """Return with how many blocks of this look's chain another one begins."""

@@ -19,8 +19,8 @@ def backward(states: Sequence[State]) -> list[State]:
         return whole
     for k in range(len(states) - 2, 0, -1):
         added = states[k].added
-        if added is None or added.told is not None:
-            continue
+        if added is None or added.told is not None or added.candidate.seen > 0:
+            continue  # noise takes no number of the model; what the raw output shows stays
         before, both = states[k - 1].look, states[-1].look
         starts = last.effect.screen(before)
         alone = refit(before, starts[:STARTS]) if starts else None

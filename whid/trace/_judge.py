@@ -62,7 +62,10 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
         word = "ambiguous"
         sentence = f"ambiguous: {found[-1].name} or {' or '.join(f'{k}@{p}' for k, p in rivals)}"
     else:
-        word, sentence = "explained", f"explained: {'; '.join(f'{f.name} ({f.words})' for f in found)}"
+        word, sentence = (
+            "explained",
+            f"explained: {'; '.join(f'{f.name} ({f.words})' if f.words else f.name for f in found)}",
+        )
     blank = Errors(*([float("nan")] * 6))
     return Verdict(
         word, sentence, found, rivals, leads, "", blank, blank, std, origin, first.gate.p, last.gate.p, (), float("nan")

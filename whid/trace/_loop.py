@@ -12,6 +12,7 @@ from whid.record import Record
 from whid.system import System
 from whid.trace._backward import backward
 from whid.trace._base import base
+from whid.trace._deciding import deciding
 from whid.trace._judge import judged, opened, residual_report
 from whid.trace._left_over import left_over
 from whid.trace._options import Trace
@@ -28,6 +29,8 @@ OF_TIME = (
 def trace(system: System, records: Sequence[Record], options: Trace, path: str = "exact") -> Iterator[Any]:
     """Yield the residual report, the ranking of every round, the verdict, and last the refined Model.
 
+    Before the verdict, where it is ambiguous, the experiment that would decide (`Wanted`).
+
     system   the declared tree: its structure counts, its numbers are start values
     records  with their report samples: these are looked at once, when the verdict is frozen
     """
@@ -35,11 +38,9 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
     data = data_of(system, records)
     states = [base(system, data, path)]
     yield residual_report(states[0], data)
-    for effects in _leading(options, data):
-        ranking, state = one_round(states[-1], effects, data)
-        if state is not None and _leads(state):
-            yield ranking
-            states = [*states, state]
+    if (railed := _railed(options, data)) and (found := one_round(states[0], railed, data)).state is not None:
+        yield found.ranking
+        states = [*states, found.state]
     for _ in range(options.rounds + 1 - len(states)):
         ranking, state = one_round(states[-1], _competing(states, options, data), data)
         yield ranking
@@ -47,26 +48,22 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
             break
         states = backward([*states, state])
     verdict = judged(states, data)
+    if verdict.verdict == "ambiguous":
+        wanted = deciding(states[-1], verdict.floor)
+        if wanted is not None:
+            yield wanted
+        told = f"this experiment would tell them apart: {wanted.reason}" if wanted else "no experiment here would"
+        verdict = verdict._replace(sentence=f"{verdict.sentence}; {told}")
     last = states[-1] if verdict.verdict in ("explained", "ambiguous") else states[0]
     yield left_over(data.closed, states[0].look, last.look, verdict.floor)
     yield opened(verdict, states, data, path)._replace(seconds=time.perf_counter() - began)
     yield Model(last.look.system, last.estimate, "none")
 
 
-def _leading(options: Trace, data: Data) -> Iterator[tuple[Effect, ...]]:
-    """Yield what is tried before everything else: what the raw output shows, then the input between its samples.
-
-    A wrong course between samples is a delay of about half a sample, which other effects would take on.
-    """
-    every = options.every()
-    if any(raw.railed for raw in data.raw):
-        yield tuple(e for e in every if e.name == "saturation@output")
-    yield tuple(e for e in every if e.name == "intersample@time")
-
-
-def _leads(state: State) -> bool:
-    """Tell whether what came first may stay ahead of all others: the raw output shows it, or it leaves nothing behind."""
-    return state.added is not None and (state.added.candidate.seen > 0 or not state.dirty)
+def _railed(options: Trace, data: Data) -> tuple[Effect, ...]:
+    """Return what is tried before everything else, because the raw output shows it: the clip at its rails."""
+    railed = any(raw.railed for raw in data.raw)
+    return tuple(e for e in options.every() if railed and e.name == "saturation@output")
 
 
 def _competing(states: Sequence[State], options: Trace, data: Data) -> tuple[Effect, ...]:

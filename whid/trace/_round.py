@@ -28,6 +28,7 @@ BLOCKS = 10  # of a single stretch of selection data, whose gains scatter as the
 BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
 COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
 GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
+ASSUMED = "intersample@time"
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
 
 
@@ -41,7 +42,7 @@ class Round(NamedTuple):
 def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
     """Screen everything, refit the best few, and say which is to be added."""
     look = here.look
-    ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: -s[0].gain)
+    ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
         first = starts[0]
@@ -54,17 +55,31 @@ def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
         if found is not None:
             fits.append(found if found.told else _on_selection(look, found, data))
     good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
-    good = _in_order(good, data, dirty=here.dirty)
+    good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     taken = good[0] if good and good[0].gain > NEEDED else None
     ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good)
     if taken is None:
         return Round(ranking, None)
-    rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS)
+    rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS and taken.effect.name != ASSUMED)
     state = reached(taken, data, rivals)
     if len(taken.candidate.terms) > 1:
         starts = next(starts for starts in ranked if starts[0].effect.name == taken.effect.name)
         state = state._replace(way=tuple(reached(each, data) for each in by_terms(look, starts, taken)))
     return Round(ranking, state)
+
+
+def _ahead(first: Screened) -> bool:
+    """Tell whether a start is refitted before all others: a wrong assumption about the input between its samples."""
+    return first.effect.name == ASSUMED and first.gain > NEEDED
+
+
+def _assumed_first(good: list[Refit]) -> list[Refit]:
+    """Return refits, a wrong assumption about the input first where nothing explains more.
+
+    It is a delay of about half a sample, which other effects could take on; but it is a mismatch of what was declared, and
+    no effect of the plant, and costs no number.
+    """
+    return sorted(good, key=lambda f: not (f.effect.name == ASSUMED and good[0].gain - f.gain < CLASS))
 
 
 def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:

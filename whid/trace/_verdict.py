@@ -48,6 +48,11 @@ class Found(NamedTuple):
         return f"{self.kind}@{self.place}"
 
     @property
+    def course(self) -> bool:
+        """Tell whether it is a free course in time through three points or more; a straight line goes on."""
+        return "levels.2" in self.parameters
+
+    @property
     def words(self) -> str:
         """Return its numbers as people read them."""
         from whid.tables import measured
@@ -89,6 +94,13 @@ class Verdict(NamedTuple):
     steps: tuple[Step, ...]
     seconds: Annotated[float, Quantity("s")]
 
+    def doubts(self) -> tuple[str, ...]:
+        """Return what must not be believed of an error after: a free course in time does not go on beyond its data."""
+        names = [effect.name for effect in self.effects if effect.course and self.on == "report"]
+        return tuple(
+            f"{name} is a course in time, known where it was fitted: on report data it predicts nothing" for name in names
+        )
+
     def table(self) -> Table:
         """Return the error of every step."""
         rows = tuple(
@@ -99,7 +111,7 @@ class Verdict(NamedTuple):
             for k, step in enumerate(self.steps)
         )  # fmt: skip
         where = "on report data, opened after the verdict" if self.on == "report" else "in sample, not evidence"
-        notes = (self.sentence, f"errors {where}; noise floor {self.floor:.4g}, {self.floor_from}")
+        notes = (self.sentence, f"errors {where}; noise floor {self.floor:.4g}, {self.floor_from}", *self.doubts())
         columns = ("model", "gain, nat", "rms, output", "nrmse", "fit, %", "over the noise floor")
         return Table("Verdict", columns, rows, notes)
 
