@@ -12,7 +12,7 @@ from whid.trace import Trace, trace
 EFFECTS = ("intersample", "delay", "lag", "resonance", "curve", "saturation")
 
 
-@pytest.mark.parametrize("declared", ["zoh", "foh"])
+@pytest.mark.parametrize("declared", ["zoh", pytest.param("foh", marks=pytest.mark.slow)])
 def test_a_mismatch_is_reported_before_any_effect(declared):
     true = {"zoh": "foh", "foh": "zoh"}[declared]
     record = measured(PLANT, 51, plan=replace(excitation(51, 256, 3), intersample=true))
