@@ -238,3 +238,17 @@ def test_from_a_measured_file(tmp_path):
     np.testing.assert_allclose(result.model.system.tree(v, 1.0, between="discrete"), np.log1p(v), atol=1e-3)
     back = result.stages["equaliser"].tree(np.log1p(v), 1.0, between="discrete")
     np.testing.assert_allclose(back, v, atol=5e-3)
+
+
+def test_coloured_noise_is_warned_of():
+    """White input: the colour is named, and that it does not touch these errors; an input as slow as the noise: it does."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(90_001)
+    noise = 0.05 * lfilter([1.0], [1.0, -0.9], rng.normal(size=20_000))
+    fast, slow = rng.uniform(-1, 1, 20_000), np.sin(np.cumsum(0.05 * rng.normal(size=20_000)))
+    assert identify(fast, g(fast) + 0.1 * rng.normal(size=20_000))["NoiseColour"].doubts() == ()
+    first, second = (identify(x, g(x) + noise)["NoiseColour"] for x in (fast, slow))
+    assert first.doubts()[0].startswith("coloured noise")
+    assert first.factor == pytest.approx(1, abs=0.15)
+    assert second.factor > 3

@@ -9,6 +9,7 @@ from tests.giri import B2, B3, B4
 from whid.blocks.backlash import Backlash
 from whid.blocks.linear import Linear
 from whid.blocks.polynomial import Polynomial
+from whid.disturbances.ar import Ar
 from whid.disturbances.white import White
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
@@ -24,8 +25,8 @@ G = Linear(num=(1.0,), den=(0.55, 1.3, 1.0))
 OMEGA = (0.5, 1.0, 2.0)
 
 
-def records(block, seed, snr=40.0, amplitude=1.2, omegas=OMEGA, offset=0.0, samples=128, periods=12):
-    plant = System(chain=(G, block), noise=(White(snr_db=snr),))
+def records(block, seed, snr=40.0, amplitude=1.2, omegas=OMEGA, offset=0.0, samples=128, periods=12, noise=None):
+    plant = System(chain=(G, block), noise=(noise or White(snr_db=snr),))
     rng, found = np.random.default_rng(seed), []
     for w in omegas:
         sine = Sine(offset=offset, amplitude=amplitude, samples_per_period=samples, periods=periods, lead_periods=3)
@@ -54,7 +55,7 @@ def test_b2_end_to_end_and_all_numbers_on_all_samples():
     block = Backlash(rising=B2[0], falling=B2[1])
     stages = run(WienerBacklash(whole_record=True), records(block, 11))
     assert [type(stage).__name__ for stage in stages] == [
-        "SettledPeriods", "StaticOrBacklash", "ConstantStages", "SeparableBorders", "PaperBorders", *["LinkedLoop"] * 3,
+        "SettledPeriods", "NoiseColour", "StaticOrBacklash", "ConstantStages", "SeparableBorders", "PaperBorders", *["LinkedLoop"] * 3,
         "JointLoops", "Admissible", "TransferFunction", "ParametricLoops", "Refined", "Model",
     ]  # fmt: skip
     assert the(stages, "StaticOrBacklash").backlash
@@ -123,6 +124,34 @@ def test_refusals_have_a_name(block, code, options):
         list(WienerBacklash()(data))
     assert fault.value.code == code
     assert fault.value.remedy
+
+
+def test_coloured_noise_is_warned_of_and_white_noise_is_not():
+    block = Backlash(rising=B2[0], falling=B2[1])
+    white, coloured = (
+        next(found for found in WienerBacklash()(records(block, 18, noise=noise)) if type(found).__name__ == "NoiseColour")
+        for noise in (White(std=0.01), Ar(std=0.01, coefficients=(0.9,)))
+    )
+    assert white.doubts() == ()
+    (said,) = coloured.doubts()
+    assert said.startswith("coloured noise")
+    assert "too small" in said
+    assert coloured.factor == pytest.approx(np.sqrt(19), rel=0.25)
+
+
+def test_what_is_left_out_is_said_and_why():
+    """A sine about an offset, and one too short, beside three that will do."""
+    block = Backlash(rising=B2[0], falling=B2[1])
+    data = [
+        *records(block, 20), *records(block, 21, offset=0.4, omegas=(1.5,)), *records(block, 22, periods=1, omegas=(3.0,)),
+    ]  # fmt: skip
+    model = run(WienerBacklash(), data)[-1]
+    aside, short = (next(said for said in model.missing if key in said) for key in ("offset", "two periods"))
+    assert "1.5 rad/s about 0.4" in aside
+    assert "3 rad/s" in short
+    with pytest.raises(WhidError, match=r"1\.5 rad/s about 0\.4") as fault:
+        list(WienerBacklash()(data[3:4]))
+    assert fault.value.code == "method-no-sines"
 
 
 def test_the_gain_is_that_of_the_plant():

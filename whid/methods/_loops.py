@@ -22,6 +22,7 @@ from whid.stages._hysteresis import CONSTANT, FULL, Swing, steady_loop
 from whid.stages._inner_harmonics import held_sine
 from whid.stages._loop_fit import LoopFit, rational_gains
 from whid.stages.joint_loops import JointLoops
+from whid.stages.noise_colour import ROUNDING, NoiseColour, noise_colour
 from whid.stages.periods import Harmonics, harmonics, period_average
 from whid.stages.transfer_function import TransferFunction
 from whid.system import System
@@ -37,6 +38,7 @@ class Seen(NamedTuple):
     swing: Swing
     harmonics: Harmonics
     skipped: int
+    rest: Floats  # what the averaged period leaves over, NaN where missing
 
 
 class SettledPeriods(NamedTuple):
@@ -57,29 +59,67 @@ class SettledPeriods(NamedTuple):
         return Table("Settled periods", ("ω, rad/s", "amplitude", "left out", "averaged", "noise std"), rows)
 
 
-def gather(records: Sequence[Record]) -> list[Seen]:
+class Gathered(NamedTuple):
+    """The sines of the records that can be used, and why the others cannot, in words."""
+
+    sines: list[Seen]
+    left_out: tuple[str, ...]
+
+
+def gather(records: Sequence[Record]) -> Gathered:
     """Average the settled periods of every estimation sine about zero; lead periods are left out, more where they drift."""
-    found = []
+    found, short, aside = [], [], []
     for record in records:
         for part in record.select("sine"):
             period, lead = float(part.period), int(part.lead_periods)  # type: ignore[attr-defined]
             stretch = slice(part.start, part.stop)
             y = np.where(record.mask, record.y, np.nan)[stretch]
+            omega = 2 * np.pi / (period * record.dt)
             if len(y) < (lead + 2) * period:
+                short.append(f"{omega:.4g} rad/s")
                 continue
             skip = _settled(y, period, lead)
             into = harmonics(record.u[stretch], period, skip, count=1)
-            omega = 2 * np.pi / (period * record.dt)
             first = complex(into.value[1])
             if abs(into.value[0].real) > CENTRED * abs(first):
+                aside.append(f"{omega:.4g} rad/s about {into.value[0].real:.4g}")
                 continue
             phasor = held_sine(abs(first), float(np.angle(first)), omega, record.dt, record.intersample)
             average = period_average(y, period, skip, max(2, int(period / 2) - 1))
             out = harmonics(y, period, skip, max(2, min(HARMONICS, int(period / 2) - 1)))
             floor = 1e-9 * max(float(np.ptp(average.mean)), 1e-300)
             std = np.hypot(average.mean_std, floor)
-            found.append(Seen(Swing(omega, phasor, average.mean, std, average.periods), out, skip))
-    return found
+            rest = _rest(y, period, skip, average.mean)
+            found.append(Seen(Swing(omega, phasor, average.mean, std, average.periods), out, skip, rest))
+    said = []
+    if aside:
+        why = (
+            "about an offset the constant part of the inner signal is one more unknown; this method is for sines about zero"
+        )
+        said.append(f"left out, {len(aside)} of the sines ({', '.join(aside)}): {why}")
+    if short:
+        said.append(f"left out, {len(short)} of the sines ({', '.join(short)}): fewer than two periods after the lead")
+    return Gathered(found, tuple(said))
+
+
+def _rest(y: Floats, period: float, skip: int, mean: Floats) -> Floats:
+    """Return the kept periods less their mean, which is between its samples its Fourier sum."""
+    n, first = len(mean), int(np.ceil(skip * period - 1e-6))
+    kept = y[first:]
+    if abs(period - n) < 1e-9 * period:
+        return np.asarray(kept - mean[np.arange(first, len(y)) % n])
+    spectrum, phase = np.fft.rfft(mean) / n, np.exp(2j * np.pi * (np.arange(first, len(y)) / period))
+    value = np.zeros(len(kept), complex)
+    for c in spectrum[::-1]:  # Horner
+        value = value * phase + c
+    return np.asarray(kept - (2 * value.real - spectrum[0].real))
+
+
+def colour(sines: Sequence[Seen]) -> NoiseColour:
+    """Return whether the noise is white; the period average takes one part in P of it."""
+    floor = [ROUNDING * float(np.ptp(s.swing.mean)) for s in sines]
+    rests = [np.where(np.nanstd(s.rest) > f, s.rest, 0.0) for s, f in zip(sines, floor, strict=True)]
+    return noise_colour(rests, lost=[1 / s.swing.periods for s in sines])
 
 
 def settled(sines: Sequence[Seen]) -> SettledPeriods:

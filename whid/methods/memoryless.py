@@ -16,7 +16,7 @@ from whid.long_record import LongRecord
 from whid.methods._method import Method, Model, Stages
 from whid.record import Record, used
 from whid.signal import Floats
-from whid.stages._chebyshev import Domain, nodes, scaled
+from whid.stages._chebyshev import Domain, evaluate, nodes, scaled
 from whid.stages._curve_sums import Samples, curve_sums
 from whid.stages._local_lines import Windows, half_widths
 from whid.stages.chebyshev_fit import ChebyshevFit, fit_of
@@ -26,6 +26,7 @@ from whid.stages.lack_of_fit import lack_of_fit
 from whid.stages.memory import memory_of
 from whid.stages.node_plus import half_way, plus_of
 from whid.stages.node_windows import node_windows, windows_of
+from whid.stages.noise_colour import ROUNDING, NoiseColour, noise_colour
 from whid.system import System
 
 LAGS = 4  # earlier inputs that are tried, to see whether there is memory after all
@@ -67,7 +68,7 @@ class Memoryless(Method):
         return "inverse: true needs all samples at once" if self.inverse else ""
 
     def __call__(self, records: Sequence[Record | LongRecord], model: System | None = None) -> Stages:
-        """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, equaliser; the Model last."""
+        """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, colour, equaliser; the Model last."""
         data = _Samples(records)
         domain = self.domain or data.covered(self.min_points)
         windows = near = None
@@ -83,12 +84,15 @@ class Memoryless(Method):
         yield fit
         verdict = lack_of_fit(fit)
         yield verdict
-        yield memory_of(sums, fit)
+        remembers = memory_of(sums, fit)
+        yield remembers
         if near:
             plus = plus_of(near, fit, sums.seen, self.min_points)
             yield plus
         curve = curve_estimates(lines, plus, fit, verdict, self.report, domain)
         yield curve
+        if verdict.passed and remembers.passed:  # else what is left over is no noise
+            yield data.colour(curve)
         if self.inverse:
             yield self._equaliser(data, curve)
         yield _model(curve, fit)
@@ -153,6 +157,19 @@ class _Samples:
         centres = nodes(len(halves) - 1)
         wide = half_widths((scaled(x, domain) for x in self.inputs()), centres, halves, min_points)
         return Windows(centres, wide, order)
+
+    def colour(self, curve: CurveEstimates) -> NoiseColour:
+        """Return whether what a curve leaves over in each record's first chunk is white."""
+        rests, inputs = [], []
+        for record in self.records:
+            chunk = next(iter(record.chunks()))
+            seen = used(record, chunk, "estimation") & (chunk.u >= curve.domain[0]) & (chunk.u <= curve.domain[1])
+            rest = np.full(len(seen), np.nan)
+            rest[seen] = chunk.y[seen] - evaluate(scaled(chunk.u[seen], curve.domain), curve.coefficients)
+            least = ROUNDING * float(np.abs(curve.coefficients).max())
+            rests.append(rest if seen.any() and np.nanstd(rest) > least else np.zeros(len(rest)))
+            inputs.append(np.where(seen, chunk.u, np.nan))
+        return noise_colour(rests, inputs)
 
     def whole(self) -> tuple[Floats, Floats]:
         """Return all inputs and outputs; raise `WhidError("memory")` where they are too many."""

@@ -49,11 +49,12 @@ class WienerBacklash(Method):
     whole_record: bool = False
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
-        """Yield settled periods, the verdict, the paper's stages, one sine each, all sines, G(s); the Model last."""
-        sines = loops.gather(records)
+        """Yield settled periods, the noise's colour, the verdict, the paper's stages, one sine each, all sines, G(s); the Model last."""
+        sines, left_out = loops.gather(records)
         if not sines:
-            raise WhidError("method-no-sines", "no sine about zero with two settled periods")
+            raise WhidError("method-no-sines", "; ".join(("no sine about zero with two settled periods", *left_out)))
         yield loops.settled(sines)
+        yield loops.colour(sines)
         verdict = static_or_backlash(
             np.array([s.swing.omega for s in sines]),
             [s.swing.drive for s in sines],
@@ -83,7 +84,7 @@ class WienerBacklash(Method):
         yield joint
         if not static:
             yield loops.admissible(swings, joint)
-        yield from self._finished(records, swings, joint, verdict)
+        yield from self._finished(records, swings, joint, verdict, left_out)
 
     def _better(self, one: Lumped, chi2: float, separable: SeparableBorders, k: int) -> Lumped:
         """Return the separable borders where the linked loop does not explain a sine that has no constant stage."""
@@ -91,10 +92,15 @@ class WienerBacklash(Method):
         return separable.row(k) if worse else one
 
     def _finished(
-        self, records: Sequence[Record], swings: Sequence[Swing], joint: JointLoops, verdict: StaticOrBacklash
+        self,
+        records: Sequence[Record],
+        swings: Sequence[Swing],
+        joint: JointLoops,
+        verdict: StaticOrBacklash,
+        left_out: tuple[str, ...],
     ) -> Stages:
         """Yield G(s), its fit together with the borders, the whole-record fit where wanted, and the Model."""
-        said = [*loops.one_sided(swings, joint)]
+        said = [*left_out, *loops.one_sided(swings, joint)]
         if silent := verdict.moving.count(False):
             said.append(f"{silent} sine{'s' * (silent > 1)} left out: the output does not move")
         if not joint.resolved:

@@ -65,7 +65,7 @@ def seen(bench: Bench, number: int, key: int) -> Seen:
     assert bench.plant is not None
     experiment = bench.experiments[number]
     record = simulate(bench.plant, experiment, bench.rng(key, number))
-    one = gather([record])[0]
+    one = gather([record]).sines[0]
     g = complex(linear_response(bench.plant, np.array([one.swing.omega]))[0])
     size = one.swing.amplitude * abs(g)
     scale = size ** np.arange(len(borders(bench)[0]))
