@@ -55,7 +55,8 @@ def test_b2_end_to_end_and_all_numbers_on_all_samples():
     block = Backlash(rising=B2[0], falling=B2[1])
     stages = run(WienerBacklash(whole_record=True), records(block, 11))
     assert [type(stage).__name__ for stage in stages] == [
-        "SettledPeriods", "NoiseColour", "StaticOrBacklash", "ConstantStages", "SeparableBorders", "PaperBorders", *["LinkedLoop"] * 3,
+        "SettledPeriods", "NoiseColour", "StaticOrBacklash", "ConstantStages", "SeparableBorders", "PaperBorders",
+        *["LinkedLoop"] * 3,
         "JointLoops", "Admissible", "TransferFunction", "ParametricLoops", "Refined", "Model",
     ]  # fmt: skip
     assert the(stages, "StaticOrBacklash").backlash

@@ -34,7 +34,7 @@ def test_the_factor_of_a_mean_is_that_of_its_scatter(rho):
     assert not found.white
     assert found.correlation == pytest.approx(rho, abs=0.02)
     assert found.factor == pytest.approx(np.sqrt((1 + rho) / (1 - rho)), rel=0.15)  # lim n·var(mean)/var, of an AR(1)
-    assert found.doubts()[0].startswith("coloured noise: ")
+    assert found.doubts()[0].startswith("coloured noise")
     assert ("too small" in found.doubts()[0]) == (rho > 0)
 
 

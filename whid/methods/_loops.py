@@ -93,9 +93,7 @@ def gather(records: Sequence[Record]) -> Gathered:
             found.append(Seen(Swing(omega, phasor, average.mean, std, average.periods), out, skip, rest))
     said = []
     if aside:
-        why = (
-            "about an offset the constant part of the inner signal is one more unknown; this method is for sines about zero"
-        )
+        why = "about an offset the constant part of the inner signal is one more unknown; only sines about zero will do"
         said.append(f"left out, {len(aside)} of the sines ({', '.join(aside)}): {why}")
     if short:
         said.append(f"left out, {len(short)} of the sines ({', '.join(short)}): fewer than two periods after the lead")

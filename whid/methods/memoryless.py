@@ -29,6 +29,7 @@ from whid.stages.node_windows import node_windows, windows_of
 from whid.stages.noise_colour import ROUNDING, NoiseColour, noise_colour
 from whid.system import System
 
+HEAD = 1 << 16  # samples of a record that tell the noise's colour
 LAGS = 4  # earlier inputs that are tried, to see whether there is memory after all
 
 
@@ -68,7 +69,7 @@ class Memoryless(Method):
         return "inverse: true needs all samples at once" if self.inverse else ""
 
     def __call__(self, records: Sequence[Record | LongRecord], model: System | None = None) -> Stages:
-        """Yield node windows, least squares, lack of fit, memory, node-plus, estimates, colour, equaliser; the Model last."""
+        """Yield windows, least squares, lack of fit, memory, node-plus, estimates, colour, equaliser; the Model last."""
         data = _Samples(records)
         domain = self.domain or data.covered(self.min_points)
         windows = near = None
@@ -84,15 +85,13 @@ class Memoryless(Method):
         yield fit
         verdict = lack_of_fit(fit)
         yield verdict
-        remembers = memory_of(sums, fit)
-        yield remembers
+        yield memory_of(sums, fit)
         if near:
             plus = plus_of(near, fit, sums.seen, self.min_points)
             yield plus
         curve = curve_estimates(lines, plus, fit, verdict, self.report, domain)
         yield curve
-        if verdict.passed and remembers.passed:  # else what is left over is no noise
-            yield data.colour(curve)
+        yield data.colour(curve)
         if self.inverse:
             yield self._equaliser(data, curve)
         yield _model(curve, fit)
@@ -159,16 +158,16 @@ class _Samples:
         return Windows(centres, wide, order)
 
     def colour(self, curve: CurveEstimates) -> NoiseColour:
-        """Return whether what a curve leaves over in each record's first chunk is white."""
+        """Return whether what a curve leaves over at the beginning of each record is white."""
         rests, inputs = [], []
         for record in self.records:
-            chunk = next(iter(record.chunks()))
-            seen = used(record, chunk, "estimation") & (chunk.u >= curve.domain[0]) & (chunk.u <= curve.domain[1])
-            rest = np.full(len(seen), np.nan)
-            rest[seen] = chunk.y[seen] - evaluate(scaled(chunk.u[seen], curve.domain), curve.coefficients)
+            u, y = _beginning(record)
+            seen = np.isfinite(y) & (u >= curve.domain[0]) & (u <= curve.domain[1])
+            rest = np.full(len(u), np.nan)
+            rest[seen] = y[seen] - evaluate(scaled(u[seen], curve.domain), curve.coefficients)
             least = ROUNDING * float(np.abs(curve.coefficients).max())
             rests.append(rest if seen.any() and np.nanstd(rest) > least else np.zeros(len(rest)))
-            inputs.append(np.where(seen, chunk.u, np.nan))
+            inputs.append(np.where(seen, u, np.nan))
         return noise_colour(rests, inputs)
 
     def whole(self) -> tuple[Floats, Floats]:
@@ -178,6 +177,17 @@ class _Samples:
             raise WhidError("memory", f"{why}; identify the curve from the long record, the equaliser from a shorter one")
         x, y, _ = zip(*self.chunks(), strict=True)
         return np.concatenate(x), np.concatenate(y)
+
+
+def _beginning(record: Record | LongRecord) -> tuple[Floats, Floats]:
+    """Return the first HEAD inputs and outputs, NaN where the output is not for estimation."""
+    u, y = np.empty(0), np.empty(0)
+    for chunk in record.chunks():
+        u = np.concatenate([u, chunk.u])[:HEAD]
+        y = np.concatenate([y, np.where(used(record, chunk, "estimation"), chunk.y, np.nan)])[:HEAD]
+        if len(u) == HEAD:
+            break
+    return u, y
 
 
 def _model(curve: CurveEstimates, fit: ChebyshevFit) -> Model:

@@ -49,7 +49,7 @@ class WienerBacklash(Method):
     whole_record: bool = False
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
-        """Yield settled periods, the noise's colour, the verdict, the paper's stages, one sine each, all sines, G(s); the Model last."""
+        """Yield settled periods, their noise, the verdict, the paper's stages, one sine each, all sines, G(s), the Model."""
         sines, left_out = loops.gather(records)
         if not sines:
             raise WhidError("method-no-sines", "; ".join(("no sine about zero with two settled periods", *left_out)))

@@ -1,4 +1,4 @@
-"""Is the noise white, as the standard errors of a method assume?"""
+"""Whether the noise is white, as the standard errors of a method assume."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class NoiseColour(NamedTuple):
         if self.white:
             return ()
         better = "`whid fit` with `identify: {kind: fit, noise: ar}` from the model found has errors that allow for it"
-        return (f"coloured noise: {self._found}; {better}",)
+        return (f"coloured noise, or a drift or misfit that looks like it: {self._found}; {better}",)
 
     @property
     def _found(self) -> str:
@@ -52,9 +52,9 @@ class NoiseColour(NamedTuple):
 def noise_colour(residuals: Sequence[Floats], regressors: Sequence[Floats] = (), lost: Sequence[float] = ()) -> NoiseColour:
     """Test whether residuals are white: Q = N(N + 2) Σ ρ_k²/(N − k) ~ χ²(lags), ρ_k pooled over stretches of one scale each.
 
-    residuals: one (N_i,) a stretch, NaN where missing; at least 5 lags fit into a quarter of the longest. regressors: what the
-    errors of the estimate hang on, sample by sample, nothing for something slow; then factor² = 1 + 2 Σ ρ_k r_k, with r_k
-    its correlations, summed while |ρ_k| > 2/√N. lost: the share of each stretch's samples that estimation took.
+    residuals: one (N_i,) a stretch, NaN where missing; a quarter of the longest holds 5 lags or there is no test. regressors
+    is what the errors of the estimate hang on, sample by sample, r_k its correlations; without it something slow, r_k = 1.
+    factor² = 1 + 2 Σ ρ_k r_k, summed while |ρ_k| > 2/√N. lost: the share of each stretch's samples that the fit took.
 
     >>> rng = np.random.default_rng(3)
     >>> white = rng.normal(size=5000)
