@@ -49,7 +49,7 @@ def test_an_unknown_key_or_effect_is_refused():
 def test_a_cell_is_drawn_traced_and_scored_without_the_truth_in_reach(monkeypatch):
     seen = []
 
-    def look(study, out):
+    def look(study):
         seen.extend(file.name for file in study.parent.iterdir())
         assert "offset_step" not in study.read_text()
         return answering("offset_step@output"), ""
@@ -61,9 +61,24 @@ def test_a_cell_is_drawn_traced_and_scored_without_the_truth_in_reach(monkeypatc
 
 
 def test_a_run_without_an_answer_is_a_failure_with_its_reason(monkeypatch):
-    monkeypatch.setattr(calibrate, "traced", lambda study, out: (None, "exit 2: no such thing"))
+    monkeypatch.setattr(calibrate, "traced", lambda study: (None, "no-such-thing: there is none"))
     row = run(Cell("control", (), 0.0, 210, False))
-    assert (row.outcome, row.note) == ("failed", "exit 2: no such thing")
+    assert (row.outcome, row.note) == ("failed", "no-such-thing: there is none")
+
+
+def test_a_cell_that_does_not_end_abstains_and_the_sweep_goes_on(tmp_path, monkeypatch):
+    def hang(study):
+        while True:
+            try:
+                sum(range(1000))
+            except Exception:  # the flow takes any Exception for a fault of its own
+                continue
+
+    monkeypatch.setattr(calibrate, "traced", hang)
+    cells = [Cell("control", (), 0.0, seed, False, 0.1) for seed in (230, 240)]
+    rows = sweep(cells, tmp_path / "log")
+    assert [(row.outcome, row.said) for row in rows] == [("abstained", "timed out")] * 2
+    assert all(0.1 <= row.seconds < 1 for row in rows)
 
 
 def test_a_fault_of_the_harness_is_a_failed_cell(monkeypatch):
