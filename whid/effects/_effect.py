@@ -85,5 +85,7 @@ def _screened(effect: Effect, candidate: Candidate, look: Look) -> Screened | No
         candidate = candidate.at(dict(zip(candidate.amplitude, scale.tolist(), strict=True)))
     else:
         size = float(change[:, 0] @ change[:, 0])
-        left = look.left - float(np.clip(change[:, 0] @ look.left / size, LEAST, MOST)) * change[:, 0]
+        sure = len(candidate.rough) == len(candidate.new) > 0  # no fit will scale what the search finds
+        low, high = (1.0, 1.0) if sure else (LEAST, MOST)
+        left = look.left - float(np.clip(change[:, 0] @ look.left / size, low, high)) * change[:, 0]
     return Screened(effect, candidate, gain(look, float(left @ left), candidate))

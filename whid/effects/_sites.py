@@ -10,6 +10,7 @@ import numpy as np
 from whid.blocks._block import Block
 from whid.blocks._static import Static
 from whid.blocks.chain import Chain
+from whid.blocks.feedback import Feedback
 from whid.blocks.linear import Linear
 from whid.blocks.oversampled import Oversampled
 from whid.blocks.parallel import Parallel
@@ -69,6 +70,11 @@ class Sites:
     def moving(self) -> bool:
         """Tell whether the declared blocks have a memory."""
         return not all(_instant(block) for block in self.blocks[slice(*self.core)])
+
+    @property
+    def looped(self) -> bool:
+        """Tell whether something comes back already: a second way back beside the first would be the same loop."""
+        return any(isinstance(block, Feedback) for block in self.blocks[slice(*self.core)])
 
     @property
     def static(self) -> list[int]:

@@ -27,7 +27,7 @@ class FeedbackDynamic(Effect):
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield lags of some samples and of many."""
-        if not sites.moving:
+        if not sites.moving or sites.looped:
             return
         for samples in SAMPLES:
             back = Linear(num=(0.0,), den=(samples * look.records[0].dt, 1.0), fix=("den.1",))

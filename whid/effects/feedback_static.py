@@ -29,7 +29,7 @@ class FeedbackStatic(Effect):
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a straight and a bent way back, with an offset."""
-        if not sites.moving:
+        if not sites.moving or sites.looped:
             return
         for powers in ((1,), (0, 1, 2, 3)):
             names = tuple(f"back.coefficients.{k}" for k in powers)

@@ -17,7 +17,7 @@ from whid.effects._look import Look
 from whid.effects._noisy import Fitted, NoiseEffect
 from whid.effects._sites import Sites
 
-LEVELS = np.arange(3.0, 160.0, 0.5)  # in the range; half a level more or less and nothing is explained
+LEVELS = np.arange(3.0, 260.0, 0.5)  # in the range; half a level more or less and nothing is explained
 VISIBLE = 0.2  # of σ: a finer step is how the file was written, not what the converter does
 
 
