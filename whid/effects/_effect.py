@@ -41,14 +41,16 @@ class Screened(NamedTuple):
 class Effect(Kind):
     """A candidate: something that the model lacks, at a place. "Nothing" always competes with it.
 
-    `places` lists where an effect of this kind may sit; `place` is where this one does. A leaf gives `candidates`: edits of
-    the tree with start values, several for a coarse grid of what is not linear. The base does the rest: each candidate is
-    simulated once, what the model's own numbers could absorb is projected out, and
+    `places` lists where an effect of this kind may sit; `place` is where this one does; `within`: it acts within a sample,
+    so that samples alone do not show it. A leaf gives `candidates`: edits of the tree with start values, several for a
+    coarse grid of what is not linear. The base does the rest: each candidate is simulated once, what the model's own numbers
+    could absorb is projected out, and
     gain = n/2·log(χ²/χ²_left) − k/2·log n − log(values tried).
     """
 
     family: ClassVar[str] = "whid.effects"
     places: ClassVar[tuple[Place, ...]] = ()
+    within: ClassVar[bool] = False
     place: Place
 
     @property
@@ -62,9 +64,10 @@ class Effect(Kind):
 
     def screen(self, look: Look) -> list[Screened]:
         """Return every candidate by what it would explain, the best first; cheap: one simulation a number, no refit."""
-        every = list(self.candidates(look, Sites(look.system, look.core)))
+        near = look if self.within else look.sampled
+        every = list(self.candidates(near, Sites(look.system, look.core)))
         tried = sum(candidate.tried for candidate in every)
-        found = [screened for c in every if (screened := _screened(self, c._replace(tried=tried), look)) is not None]
+        found = [screened for c in every if (screened := _screened(self, c._replace(tried=tried), near)) is not None]
         return sorted(found, key=lambda s: -s.gain)
 
 

@@ -67,8 +67,10 @@ class Look:
 
     @cached_property
     def predicted(self) -> tuple[Floats, ...]:
-        """Return ŷ of every record."""
-        return self._linearised[0]
+        """Return ŷ of every record; where its derivatives are not known already, without them, which is cheaper."""
+        if "_linearised" in self.__dict__:
+            return self._linearised[0]
+        return tuple(respond(self.system.tree, record, self.path) for record in self.records)
 
     @cached_property
     def errors(self) -> tuple[Floats, ...]:
@@ -210,6 +212,15 @@ class Look:
         q = scaled @ (vectors[:, kept] / np.sqrt(values[kept]))
         return np.asarray(np.linalg.qr(q)[0])
 
+    @cached_property
+    def sampled(self) -> Look:
+        """Return the look whose candidates are simulated on samples alone, against the same residual: a tenth of the cost.
+
+        A change of ŷ is the difference of two responses on that path: right to a per cent where nothing is added that acts
+        within a sample.
+        """
+        return self if self.path == "sampled" else _Sampled(self.system, self.records, self.noises, self.core, whole=self)
+
     def moved(self, system: System, core: tuple[int, int] | None = None) -> Look:
         """Return the look at another system."""
         return replace(self, system=system, core=self.core if core is None else core, _courses={})
@@ -218,6 +229,26 @@ class Look:
         """Return the least and the greatest of what enters the block at a place."""
         low, high = self.quantiles(place, (0.0, 1.0))
         return float(low), float(high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled(Look):
+    """A look on the sampled path that keeps residual and sensitivities of the whole one."""
+
+    path: str = "sampled"
+    whole: Look = field(kw_only=True)
+
+    @property
+    def errors(self) -> tuple[Floats, ...]:
+        return self.whole.errors
+
+    @property
+    def left(self) -> Floats:
+        return self.whole.left
+
+    @property
+    def basis(self) -> Floats:
+        return self.whole.basis
 
 
 def _shifted(name: str, by: int) -> str:

@@ -23,6 +23,7 @@ class ClockSkew(Effect):
     """
 
     places: ClassVar[tuple[Place, ...]] = ("time",)
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield skews that make some samples by the end."""

@@ -23,6 +23,7 @@ class Delay(Effect):
     """
 
     places: ClassVar[tuple[Place, ...]] = ("time",)
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield parts of a sample and some samples."""

@@ -34,6 +34,7 @@ class Intersample(Effect):
     """
 
     places: ClassVar[tuple[Place, ...]] = ("time",)
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield the courses that were not declared, and the same model at twice the rate."""

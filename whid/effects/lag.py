@@ -26,6 +26,7 @@ class Lag(Effect):
         "front",
         "back",
     )
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a lag of some samples, and of many."""

@@ -26,6 +26,7 @@ class Resonance(Effect):
         "front",
         "back",
     )
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield pairs over the band of the record, at two dampings."""

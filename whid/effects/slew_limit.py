@@ -25,6 +25,7 @@ class SlewLimit(Effect):
     """
 
     places: ClassVar[tuple[Place, ...]] = ("input",)
+    within: ClassVar[bool] = True
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield rates from the largest change a sample downwards."""

@@ -23,6 +23,7 @@ FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
 PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
+NEAR = 0.95  # of the best gain: a loop that gains less on samples is not fitted between them
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 BLOCKS = 10  # of a single stretch of selection data, whose gains scatter as the standard error says
 BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
@@ -51,7 +52,9 @@ def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
         best = max(fits, key=lambda f: f.gain, default=None)
         if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
             break
-        found = refit(look, starts[: 1 if best and _clean(best) else STARTS], known=data.floor.dof > 0)
+        known = data.floor.dof > 0
+        enough = NEAR * best.gain - NEEDED if best and known else -np.inf
+        found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
         if found is not None:
             fits.append(found if found.told else _on_selection(look, found, data))
     good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
