@@ -18,8 +18,8 @@ def truth_of(name):
     return json.loads((TRUTH / f"{name}.json").read_text())
 
 
-def outcome(name, folder):
-    answer, note = traced(CONFIGS / f"{name}.yaml", folder)
+def outcome(name):
+    answer, note = traced(CONFIGS / f"{name}.yaml")
     found = score(truth_of(name), answer)
     print(f"{name}: {found.outcome}, said {found.said} {note}")
     return found
@@ -64,14 +64,14 @@ def test_nothing_that_identifies_reads_the_truth():
 
 
 @pytest.mark.parametrize("name", ["rig_01", "rig_05"])
-def test_one_that_lacks_something_and_one_that_does_not(name, tmp_path):
-    found = outcome(name, tmp_path)
+def test_one_that_lacks_something_and_one_that_does_not(name):
+    found = outcome(name)
     assert found.outcome == "right"
     assert found.over < 1.05
 
 
 @pytest.mark.slow
-def test_all_of_them(tmp_path):
-    found = {name: outcome(name, tmp_path / name) for name in STUDIES}
+def test_all_of_them():
+    found = {name: outcome(name) for name in STUDIES}
     print(Counter(each.outcome for each in found.values()))
     assert {name: each.outcome for name, each in found.items() if each.outcome not in ("right", "equivalent")} == {}
