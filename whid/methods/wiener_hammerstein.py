@@ -79,9 +79,11 @@ class WienerHammerstein(Method):
         settles = [settle_time([v.y for v in same], dt) for dt, same in rates.items()]
         yield from settles
         seconds = self.settle_s or max(settle.settle for settle in settles)
-        more, vain = yield from ask_levels(records, lambda known: self._read(known, seconds)[1:])
-        records = [*records, *more]
         noise, curve, pieces = self._read(records, seconds)
+        more, vain = yield from ask_levels(records, curve, pieces, lambda known: self._read(known, seconds)[1:])
+        if more:
+            records = [*records, *more]
+            noise, curve, pieces = self._read(records, seconds)
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
             yield branch_gap(curve)

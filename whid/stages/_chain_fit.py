@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.fit import Estimate, Parameter, least_squares
+from whid.fit_many import Descents, descents
 from whid.stages._inner_harmonics import inner_harmonics
 from whid.stages._responses import Complexes, Floats, Responses, StaticPart
 from whid.stages.identifiability import distinct, nearest
 
 Ints = NDArray[np.intp]
+STEP = 1e-5  # standard errors: a step below ends a fit; large levels over small errors leave χ² not much finer
 
 
 class Response(Protocol):
@@ -24,7 +26,7 @@ class Response(Protocol):
         """Return the free numbers with their start values."""
 
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
-        """Return G (F,) and ∂ log G/∂θ (F, p)."""
+        """Return G (…, F) and ∂ log G/∂θ (…, F, p) of θ (…, p)."""
 
 
 class FreeResponse(NamedTuple):
@@ -47,7 +49,7 @@ class FreeResponse(NamedTuple):
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
         """Return exp(log gain + j·phase)."""
         n = len(self.omega)
-        return np.exp(theta[:n] + 1j * theta[n:]), np.hstack([np.eye(n), 1j * np.eye(n)]).astype(complex)
+        return np.exp(theta[..., :n] + 1j * theta[..., n:]), np.hstack([np.eye(n), 1j * np.eye(n)]).astype(complex)
 
 
 class RationalResponse(NamedTuple):
@@ -67,10 +69,11 @@ class RationalResponse(NamedTuple):
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
         """Return the response and its logarithmic derivatives."""
         m, n = len(self.numerator), len(self.denominator)
-        p = 1j * self.omega / self.reference
-        powers = p[:, None] ** np.arange(1, max(m, n) + 1)
-        top, bottom = 1 + powers[:, :m] @ theta[:m], 1 + powers[:, :n] @ theta[m:]
-        return top / bottom, np.hstack([powers[:, :m] / top[:, None], -powers[:, :n] / bottom[:, None]])
+        powers = (1j * self.omega / self.reference)[:, None] ** np.arange(1, max(m, n) + 1)
+        top, bottom = 1 + theta[..., :m] @ powers[:, :m].T, 1 + theta[..., m:] @ powers[:, :n].T
+        slopes = np.empty((*top.shape, m + n), complex)
+        slopes[..., :m], slopes[..., m:] = powers[:, :m] / top[..., None], -powers[:, :n] / bottom[..., None]
+        return top / bottom, slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,46 +99,58 @@ class ChainFit:
         f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self._free]
         return f + self.front.parameters() + self.back.parameters()
 
-    def solve(self, max_iterations: int = 60) -> Estimate:
-        """Fit everything at once; the weights are the measured standard errors."""
-        std = self.responses.value_std[self._present]
-        weights = 1 / np.concatenate([self.static.mean_std, std, std[self._turning]])
+    def solve(self, max_iterations: int = 60, start: Floats | None = None) -> Estimate:
+        """Fit everything at once, from all parameters as given or as declared; the weights are the measured errors."""
         cache: dict[bytes, tuple[Floats, Floats]] = {}
 
-        def evaluated(theta: Floats) -> tuple[Floats, Floats]:
-            key = theta.tobytes()
+        def evaluated(free: Floats) -> tuple[Floats, Floats]:
+            key = free.tobytes()
             if key not in cache:
                 cache.clear()
-                cache[key] = self.linearised(theta)
+                cache[key] = self.weighted(free)
             return cache[key]
 
-        def tangent(free: Floats) -> Floats:
-            theta, change = self.met(free)
-            return evaluated(theta)[1] @ change if self.static.kinks else evaluated(theta)[1]
-
         full = self.parameters()
+        if start is not None:
+            full = [p._replace(value=float(x)) for p, x in zip(full, start, strict=True)]
         found = least_squares(
-            lambda free: evaluated(self.met(free)[0])[0], tangent, [full[k] for k in self._independent], weights,
-            max_iterations=max_iterations,
+            lambda free: evaluated(free)[0], lambda free: evaluated(free)[1], [full[k] for k in self._independent],
+            np.ones(1), max_iterations=max_iterations, tolerance=STEP,
         )  # fmt: skip
         return self._whole(found)
 
+    def race(self, starts: Floats, moving: NDArray[np.bool_], most: int) -> Descents:
+        """Descend from many starts (B, P) side by side, the parameters that are not `moving` (B, P) held."""
+        lower = np.array([p.lower for p in self.parameters()])[self._independent]
+        ends = descents(self.weighted, starts[:, self._independent], moving[:, self._independent], lower, most)
+        return ends._replace(theta=self.met(ends.theta)[0])
+
+    def weighted(self, free: Floats) -> tuple[Floats, Floats]:
+        """Return (residual (…, m), tangent (…, m, p)) of the independent parameters, in standard errors."""
+        theta, change = self.met(free)
+        residual, tangent = self.linearised(theta)
+        if self.static.kinks:
+            tangent = tangent @ change
+        return residual * self._weights, tangent * self._weights[:, None]
+
     def met(self, free: Floats) -> tuple[Floats, Floats]:
-        """Return all parameters (P,) from the independent ones, and their derivative (P, independent)."""
+        """Return all parameters (…, P) from the independent ones, and their derivative (…, P, independent)."""
         if not self.static.kinks:
             return free, self._spread
-        theta, change = np.zeros(len(self._spread)), self._spread.copy()
-        theta[self._independent] = free
+        batch = free.shape[:-1]
+        theta = np.zeros((*batch, len(self._spread)))
+        change = np.broadcast_to(self._spread, (*batch, *self._spread.shape)).copy()
+        theta[..., self._independent] = free
         piece, power = self._places
         for k in self.static.kinks:
             at = len(piece) + self._free.index(k)
             left, right = np.flatnonzero(piece == k), np.flatnonzero(piece == k + 1)
             both, sign = np.append(left, right[1:]), np.append(np.ones(len(left)), -np.ones(len(right) - 1))
-            b, n = theta[at], power[both]
-            row = sign * b**n
-            slope = float((sign * n * b ** np.maximum(n - 1, 0)) @ theta[both])
-            theta[right[0]] = row @ theta[both]
-            change[right[0]] = row @ change[both] + slope * change[at]
+            b, n = theta[..., at, None], power[both]
+            row, steep = sign * b**n, sign * n * b ** np.maximum(n - 1, 0)
+            theta[..., right[0]] = (row * theta[..., both]).sum(axis=-1)
+            slope = (steep * theta[..., both]).sum(axis=-1)[..., None]
+            change[..., right[0], :] = (row[..., None, :] @ change[..., both, :])[..., 0, :] + slope * change[..., at, :]
         return theta, change
 
     def _whole(self, found: Estimate) -> Estimate:
@@ -150,36 +165,51 @@ class ChainFit:
         )  # fmt: skip
 
     def linearised(self, theta: Floats) -> tuple[Floats, Floats]:
-        """Return (residual, tangent): levels first, then the harmonics, real parts and imaginary parts."""
+        """Return (residual, tangent): levels first, then the harmonics, real parts and imaginary parts.
+
+        θ (…, P) of all parameters; residual (…, m), tangent (…, m, P).
+        """
         r, s, (e, k) = self.responses, self.static, self._present
         of_f, of_breaks, of_front, of_back = self._slices
-        coefficients, breaks = np.zeros_like(s.coefficients), s.breaks.copy()
-        coefficients[self._places] = theta[of_f]
-        breaks[list(self._free)] = theta[of_breaks]
-        front, d_front = self.front(theta[of_front])
-        back, d_back = self.back(theta[of_back])
-        x = r.phasor * front[self._front_place]
-        inner = inner_harmonics(breaks, coefficients, r.offset, np.abs(x), int(k.max()))
-        place = self._back_place
-        beyond = np.where(place < 0, 1.0, back[place]) * np.exp(1j * k * np.angle(x)[e])
-        tangent = np.zeros((len(e), len(theta)), complex)
-        tangent[:, of_f] = beyond[:, None] * inner.by_coefficient[e, k][:, *self._places]
-        tangent[:, of_breaks] = beyond[:, None] * inner.by_break[e, k][:, list(self._free)]
-        zeta = d_front[self._front_place][e]
-        tangent[:, of_front] = beyond[:, None] * (
-            (np.abs(x)[e] * inner.by_amplitude[e, k])[:, None] * zeta.real
-            + 1j * (k * inner.value[e, k])[:, None] * zeta.imag
+        batch, place, turning = theta.shape[:-1], self._back_place, self._turning
+        coefficients, breaks = np.zeros((*batch, *s.coefficients.shape)), np.empty((*batch, len(s.breaks)))
+        coefficients[..., self._places[0], self._places[1]] = theta[..., of_f]
+        breaks[...] = s.breaks
+        breaks[..., list(self._free)] = theta[..., of_breaks]
+        front, d_front = self.front(theta[..., of_front])
+        back, d_back = self.back(theta[..., of_back])
+        x = r.phasor * front[..., self._front_place]
+        size = np.abs(x)
+        inner = inner_harmonics(breaks, coefficients, r.offset, size, int(k.max()))
+        turn = (x / size)[..., e] ** k
+        beyond = np.where(turning, back[..., place], 1.0) * turn
+        of_data = np.empty((*batch, len(e), len(self._spread)), complex)
+        by_f = inner.by_coefficient[..., e, k, :, :][..., self._places[0], self._places[1]]
+        of_data[..., of_f] = beyond[..., None] * by_f
+        of_data[..., of_breaks] = beyond[..., None] * inner.by_break[..., e, k, :][..., list(self._free)]
+        zeta, value = d_front[..., self._front_place[e], :], inner.value[..., e, k]
+        stretched = size[..., e] * inner.by_amplitude[..., e, k]
+        of_data[..., of_front] = beyond[..., None] * (
+            stretched[..., None] * zeta.real + 1j * (k * value)[..., None] * zeta.imag
         )
-        model = inner.value[e, k] * beyond
-        tangent[:, of_back] = np.where(place < 0, 0.0, model)[:, None] * d_back[place]
-        piece = np.searchsorted(breaks, s.level, side="right")
-        levels = np.zeros((len(s.level), len(theta)))
-        levels[:, of_f] = np.where(piece[:, None] == self._places[0], s.level[:, None] ** self._places[1], 0.0)
-        gap, turning = model - r.value[e, k], self._turning
-        return (
-            np.concatenate([levels[:, of_f] @ theta[of_f] - s.mean, gap.real, gap.imag[turning]]),
-            np.concatenate([levels, tangent.real, tangent.imag[turning]]),
-        )
+        model = value * beyond
+        of_data[..., of_back] = np.where(turning, model, 0.0)[..., None] * d_back[..., place, :]
+        gap, n = model - r.value[e, k], len(s.level)
+        piece = (breaks[..., None, :] <= s.level[:, None]).sum(axis=-1)
+        tangent = np.zeros((*batch, n + len(e) + int(turning.sum()), len(self._spread)))
+        tangent[..., :n, of_f] = np.where(piece[..., None] == self._places[0], self._level_powers, 0.0)
+        tangent[..., n : n + len(e), :], tangent[..., n + len(e) :, :] = of_data.real, of_data.imag[..., turning, :]
+        levels = (tangent[..., :n, of_f] @ theta[..., of_f, None])[..., 0] - s.mean
+        return np.concatenate([levels, gap.real, gap.imag[..., turning]], axis=-1), tangent
+
+    @cached_property
+    def _weights(self) -> Floats:
+        std = self.responses.value_std[self._present]
+        return np.asarray(1 / np.concatenate([self.static.mean_std, std, std[self._turning]]))
+
+    @cached_property
+    def _level_powers(self) -> Floats:
+        return np.asarray(self.static.level[:, None] ** self._places[1])
 
     @cached_property
     def _places(self) -> tuple[Ints, Ints]:

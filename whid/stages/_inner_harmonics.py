@@ -15,10 +15,10 @@ Floats = NDArray[np.float64]
 class InnerHarmonics(NamedTuple):
     """A_k of w = Σ_k A_k cos kθ, k = 0 … K, for E sines, and how it changes."""
 
-    value: Floats  # (E, K + 1)
-    by_amplitude: Floats  # (E, K + 1)
-    by_coefficient: Floats  # (E, K + 1, S + 1, d + 1)
-    by_break: Floats  # (E, K + 1, S)
+    value: Floats  # (…, E, K + 1)
+    by_amplitude: Floats  # (…, E, K + 1)
+    by_coefficient: Floats  # (…, E, K + 1, S + 1, d + 1)
+    by_break: Floats  # (…, E, K + 1, S)
 
 
 @lru_cache
@@ -30,7 +30,8 @@ def _nodes(count: int) -> tuple[Floats, Floats]:
 def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplitude: Floats, highest: int) -> InnerHarmonics:
     """Return A_k = (2/π) ∫₀^π f(offset + amplitude·cos θ) cos kθ dθ (half of it for k = 0), k = 0 … highest.
 
-    breaks (S,) ascending, coefficients (S + 1, d + 1) ascending powers of v, zero-padded, offset (E,), amplitude (E,) > 0.
+    breaks (S,) ascending, coefficients (S + 1, d + 1) ascending powers of v, zero-padded, offset (E,), amplitude (E,) > 0;
+    breaks, coefficients and amplitude may have further axes in front: as many curves side by side, the result has them too.
     From θ = 0 down the sine passes the pieces from the last to the first; each arc (empty where a break is out of reach) is
     integrated by enough Gauss-Legendre nodes to be exact to rounding.
     Source [Brouri2019], eqs. (3.21)-(3.23); [PAPERS A, build 6].
@@ -39,31 +40,53 @@ def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplit
     >>> inner_harmonics(np.empty(0), square, np.array([2.0]), np.array([1.0]), 2).value.round(12)  # (2 + cos θ)²
     array([[4.5, 4. , 0.5]])
     """
-    e, k, (pieces, size) = len(offset), np.arange(highest + 1), coefficients.shape
+    k, (pieces, size) = np.arange(highest + 1), coefficients.shape[-2:]
     factor = np.where(k == 0, 1.0, 2.0) / np.pi
-    level = (breaks[::-1] - offset[:, None]) / amplitude[:, None]
-    edges = np.hstack([np.zeros((e, 1)), np.arccos(np.clip(level, -1, 1)), np.full((e, 1), np.pi)])
     x, w = _nodes(14 + (highest + size) * 3 // 2)
-    width = np.diff(edges, axis=1)[..., None]
-    theta = edges[:, :-1, None] + width * x  # (E, S + 1, nodes), pieces from the last to the first
-    cos = np.cos(theta)
-    powers = (offset[:, None, None] + amplitude[:, None, None] * cos)[..., None] ** np.arange(size)
-    own = coefficients[::-1]
-    slope = np.einsum("eanp,ap->ean", powers[..., :-1], own[:, 1:] * np.arange(1, size))
-    cosines = np.cos(k[:, None, None, None] * theta) * (width * w)  # (K + 1, E, S + 1, nodes)
-    by_coefficient = (np.einsum("kean,eanp->ekap", cosines, powers) * factor[:, None, None])[:, :, ::-1]
-    value = np.einsum("ekap,ap->ek", by_coefficient, coefficients)
-    by_amplitude = np.einsum("kean,ean->ek", cosines, slope * cos) * factor
-    by_break = np.zeros((e, len(k), pieces - 1))
-    for j, b in enumerate(breaks):
+    edges = np.array([[0.0, np.pi]])  # one piece: the same arc for all
+    if pieces > 1:
+        level = (breaks[..., None, ::-1] - offset[:, None]) / amplitude[..., None]
+        edges = np.zeros((*amplitude.shape, pieces + 1))
+        edges[..., 1:-1], edges[..., -1] = np.arccos(np.clip(level, -1, 1)), np.pi
+    width = np.diff(edges)[..., None]
+    cos = np.cos(edges[..., :-1, None] + width * x)  # (…, E, S + 1, nodes), pieces from the last to the first
+    powers = _powers(offset[:, None, None] + amplitude[..., None, None] * cos, size)
+    own = coefficients[..., None, ::-1, :]
+    slope = powers[..., :-1] @ (own[..., 1:] * np.arange(1, size))[..., None]
+    cosines = _cosines(cos, highest) * (width * w)[..., None, :]  # (…, E, S + 1, K + 1, nodes)
+    by_coefficient = (cosines @ powers) * factor[:, None]
+    value = (by_coefficient @ own[..., None])[..., 0].sum(axis=-2)
+    by_amplitude = (cosines @ (slope * cos[..., None]))[..., 0].sum(axis=-2) * factor
+    by_break = np.zeros((*value.shape, pieces - 1))
+    for j in range(pieces - 1):
+        b, apart = breaks[..., j, None], coefficients[..., j + 1, :] - coefficients[..., j, :]
+        jump = (_powers(b, size) * apart[..., None, :]).sum(axis=-1)
         inside = np.abs(b - offset) < amplitude
-        angle = np.arccos((b - offset[inside]) / amplitude[inside])
-        jump = float(np.polynomial.polynomial.polyval(b, coefficients[j + 1] - coefficients[j]))
+        ratio = np.where(inside, (b - offset) / amplitude, 0.0)
         # above the break (θ < angle) f is the upper piece: A = ∫₀^angle upper + ∫_angle^π lower
-        moved = factor * np.cos(k * angle[:, None]) * (jump / (amplitude[inside] * np.sin(angle)))[:, None]
-        by_break[inside, :, j] = -moved
-        by_amplitude[inside] += moved * np.cos(angle)[:, None]
-    return InnerHarmonics(value, by_amplitude, by_coefficient, by_break)
+        height = np.where(inside, jump / (amplitude * np.sqrt(1 - ratio**2)), 0.0)
+        moved = factor * np.cos(k * np.arccos(ratio)[..., None]) * height[..., None]
+        by_break[..., j] = -moved
+        by_amplitude += moved * ratio[..., None]
+    return InnerHarmonics(value, by_amplitude, np.swapaxes(by_coefficient, -3, -2)[..., ::-1, :], by_break)
+
+
+def _powers(v: Floats, count: int) -> Floats:
+    """Return 1, v, v², … along a last axis."""
+    found = np.ones((*v.shape, count))
+    for p in range(1, count):
+        np.multiply(found[..., p - 1], v, out=found[..., p])
+    return found
+
+
+def _cosines(cos: Floats, highest: int) -> Floats:
+    """Return cos kθ, k = 0 … highest, along the last axis but one, by cos kθ = 2 cos θ cos (k − 1)θ − cos (k − 2)θ."""
+    found = np.ones((*cos.shape[:-1], highest + 1, cos.shape[-1]))
+    if highest:
+        found[..., 1, :] = cos
+    for k in range(2, highest + 1):
+        found[..., k, :] = 2 * cos * found[..., k - 1, :] - found[..., k - 2, :]
+    return found
 
 
 def held_sine(amplitude: float, phase: float, omega: float, dt: float, intersample: str) -> complex:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -123,19 +124,25 @@ def rational(
     best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb((highest, highest if back else 0))
     if not np.isfinite(best.bic):
         raise WhidError("stage-no-model", "no stable transfer functions explain the harmonics of the sines")
-    ends = [search.fit(best.orders, start).estimate.chi2 for start in search.first_starts(best.orders)]
+    ends = [end.chi2 for end in search.race([best.orders], search.first_starts)]
     best = search.seen[best.orders]
-    if best.estimate.why_stop == "iteration limit":
-        start: Start = tuple(_coefficients(best))
-        best = min(best, search.fit(best.orders, start, 10 * QUICK), key=lambda fitted: fitted.bic)
-    return _result(best, search, len(ends), sum(end < best.estimate.chi2 + 0.01 for end in ends))
+    problem, estimate = search.finished(best)
+    agreeing = sum(end < estimate.chi2 + 0.01 for end in ends)
+    return _result(best.orders, problem, estimate, search, len(ends), agreeing)
 
 
 class _Fitted(NamedTuple):
+    """Where a start ended; bic infinite without stable blocks."""
+
     orders: Orders
-    problem: ChainFit
-    estimate: Estimate
+    theta: Floats  # f, its breaks, then b and a of front, b and a of back
+    chi2: float
     bic: float
+
+    @property
+    def coefficients(self) -> list[Floats]:
+        """Return b and a of front, b and a of back."""
+        return np.split(self.theta[len(self.theta) - sum(self.orders) :], np.cumsum(self.orders)[:-1])
 
 
 class _Search:
@@ -147,12 +154,15 @@ class _Search:
         self.static, self.responses, self.reference = static, responses, reference
         self.penalty, self.free_breaks = penalty, free_breaks
         self.omegas = frequencies(responses)
-        self.seen: dict[Orders, _Fitted] = {}
+        self.ends: dict[tuple[Orders, bytes], _Fitted] = {}  # by orders and start: what was raced before is known
+        self.seen: dict[Orders, _Fitted] = {}  # the best of what counts
 
     def climb(self, highest: tuple[int, int]) -> _Fitted:
-        """Grow from one pole in each block, or shrink, while a neighbour is better."""
-        first: Orders = (0, min(1, highest[0]), 0, min(1, highest[1]))
-        best = self.best_of(first, self.first_starts(first))
+        """Grow from the best of one and two poles in each block, or shrink, while a neighbour is better."""
+        first = [(0, n, 0, j) for n in (1, 2) for j in (1, 2) if n <= highest[0] and j <= highest[1]]
+        first = first or [(0, n, 0, 0) for n in (1, 2) if n <= highest[0]]
+        self.race(first, self.first_starts)
+        best = min((self.best_of(o, self.first_starts(o)) for o in first), key=lambda f: f.bic)
         if not np.isfinite(best.bic):  # a pole went to infinity: a block without dynamics
             fewer: list[Orders] = [(0, 1, 0, 0), (0, 0, 0, 1)] if highest[1] else []
             best = min([self.best_of(o, self.first_starts(o)) for o in fewer], key=lambda f: f.bic, default=best)
@@ -160,6 +170,7 @@ class _Search:
             near = [o for o in _neighbours(best.orders, highest) if o not in self.seen and self._may_rival(best, o)]
             for wider in (True, False):  # fewer numbers only where no more help: they never explain more
                 tried = [o for o in near if (sum(o) > sum(best.orders)) is wider]
+                self.race(tried, partial(self.grown, best))
                 winner = min((self.best_of(o, self.grown(best, o)) for o in tried), key=lambda f: f.bic, default=best)
                 if winner.bic < best.bic:
                     best = winner
@@ -170,7 +181,7 @@ class _Search:
     def _may_rival(self, best: _Fitted, orders: Orders) -> bool:
         """Tell whether a fit of these orders could come near the best: even χ² = 0 leaves the penalty of its numbers."""
         more = sum(orders) - sum(best.orders)
-        return not self.penalty * more > best.estimate.chi2 + RIVAL
+        return not self.penalty * more > best.chi2 + RIVAL
 
     def first_starts(self, orders: Orders) -> Iterator[Start]:
         """Yield (b, a) of front and back: real poles, spread about the measured band, on either side of each other.
@@ -189,7 +200,7 @@ class _Search:
 
     def grown(self, base: _Fitted, orders: Orders) -> Iterator[Start]:
         """Yield starts from a neighbour: added poles beyond the band, zeros at infinity; or without its fastest root."""
-        parts = _coefficients(base)
+        parts = base.coefficients
         for factor in (1.0, 4.0, 16.0):
             fast = factor * float(self.omegas[1].max()) / self.reference
             start = []
@@ -202,29 +213,52 @@ class _Search:
         yield from self.first_starts(orders) if sum(orders) <= 4 else ()
 
     def best_of(self, orders: Orders, starts: Iterable[Start]) -> _Fitted:
-        """Fit from one start after another until two agree on the best minimum."""
-        ends: list[float] = []
-        for start in starts:
-            ends.append(self.fit(orders, start).bic)
-            if sum(end < min(ends) + 0.01 for end in ends) > 1:
-                break
+        """Fit from every start; remember the best of these orders."""
+        ends = self.race([orders], lambda _: starts)
+        best = min(ends, key=lambda end: end.bic)
+        if orders not in self.seen or best.bic < self.seen[orders].bic:
+            self.seen[orders] = best
         return self.seen[orders]
 
-    def fit(self, orders: Orders, start: Start, most: int = QUICK) -> _Fitted:
-        """Fit once, and remember the best of these orders; unstable, or with a pole at infinity, counts as no model."""
-        b_front, a_front, b_back, a_back = start
-        problem = ChainFit(
+    def race(self, orders: Iterable[Orders], starts: Callable[[Orders], Iterable[Start]]) -> list[_Fitted]:
+        """Fit several orders from several starts, side by side, and return where they ended.
+
+        All are the widest of them with some of its numbers held at zero.
+        """
+        entered = {(each, np.concatenate(start).tobytes()): start for each in orders for start in starts(each)}
+        if new := {key: start for key, start in entered.items() if key not in self.ends}:
+            widest = np.max([each for each, _ in new], axis=0)
+            problem = self.problem([np.zeros(count) for count in widest])
+            begun = np.array([p.value for p in problem.parameters()])
+            skip, edges = len(begun) - widest.sum(), np.cumsum(widest)[:-1]
+            theta, moving = np.tile(begun, (len(new), 1)), np.ones((len(new), len(begun)), bool)
+            for row, free, start in zip(theta[:, skip:], moving[:, skip:], new.values(), strict=True):
+                for values, flags, part in zip(np.split(row, edges), np.split(free, edges), start, strict=True):
+                    values[: len(part)], flags[len(part) :] = part, False
+            found = problem.race(theta, moving, QUICK)
+            for key, row, own, chi2 in zip(new, found.theta, moving, found.chi2, strict=True):
+                self.ends[key] = self._fitted(key[0], row[own], float(chi2))
+        return [self.ends[key] for key in entered]
+
+    def _fitted(self, orders: Orders, theta: Floats, chi2: float) -> _Fitted:
+        """Return where a start ended; unstable, or with a pole at infinity, counts as no model."""
+        fitted = _Fitted(orders, theta, chi2, chi2 + self.penalty * len(theta))
+        stable = np.isfinite(chi2) and all(_stable(a) for a in fitted.coefficients[1::2])
+        return fitted if stable else fitted._replace(bic=np.inf)
+
+    def problem(self, coefficients: Sequence[Floats]) -> ChainFit:
+        """Return the fit of f and transfer functions, from b and a of front, b and a of back."""
+        b_front, a_front, b_back, a_back = coefficients
+        return ChainFit(
             self.responses, self.static,
             RationalResponse(self.omegas[0], b_front, a_front, self.reference, "front"),
             RationalResponse(self.omegas[1], b_back, a_back, self.reference, "back"), self.free_breaks,
         )  # fmt: skip
-        estimate = problem.solve(most)
-        fitted = _Fitted(orders, problem, estimate, estimate.chi2 + self.penalty * len(estimate.names))
-        if not all(_stable(a) for a in _coefficients(fitted)[1::2]):
-            fitted = fitted._replace(bic=np.inf)
-        if orders not in self.seen or fitted.bic < self.seen[orders].bic:
-            self.seen[orders] = fitted
-        return fitted
+
+    def finished(self, fitted: _Fitted) -> tuple[ChainFit, Estimate]:
+        """Fit once more from where a start ended, to the very minimum."""
+        problem = self.problem(fitted.coefficients)
+        return problem, problem.solve(10 * QUICK, fitted.theta)
 
 
 def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
@@ -245,6 +279,8 @@ def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
 
 def _slowest(polynomial: Floats, degree: int) -> Floats:
     """Return 1 + a₁p + … without its fastest roots, to that degree."""
+    if len(polynomial) <= degree + 1:
+        return polynomial
     roots = np.roots(polynomial[::-1])
     if len(roots) <= degree:
         return polynomial
@@ -269,43 +305,42 @@ def _stable(a: Floats) -> bool:
     """Tell whether 1 + a₁p + … + aₙpⁿ has n roots, not at infinity, all in the left half plane."""
     if not len(a):
         return True
-    return bool(abs(a[-1]) > NONE * np.abs(a).max() and np.all(np.roots(np.concatenate([a[::-1], [1.0]])).real < 0))
+    if not abs(a[-1]) > NONE * np.abs(a).max():
+        return False
+    if len(a) < 4:  # Hurwitz: all coefficients positive, and of a cubic a₁a₂ > a₃
+        return bool(a.min() > 0 and (len(a) < 3 or a[0] * a[1] > a[2]))
+    return bool(np.all(np.roots(np.concatenate([a[::-1], [1.0]])).real < 0))
 
 
-def _coefficients(fitted: _Fitted) -> list[Floats]:
-    m, n, k, j = fitted.orders
-    return np.split(fitted.estimate.values[len(fitted.estimate.values) - (m + n + k + j) :], np.cumsum([m, n, k]))
-
-
-def _result(best: _Fitted, search: _Search, starts: int, agreeing: int) -> Rational:
-    m, n, k, j = best.orders
-    skip = len(best.estimate.values) - (m + n + k + j)
-    theta, std = best.estimate.values[skip:], best.estimate.std[skip:]
-    unit = search.reference ** -np.concatenate([np.arange(1, count + 1) for count in best.orders])
+def _result(orders: Orders, problem: ChainFit, estimate: Estimate, search: _Search, starts: int, agreeing: int) -> Rational:
+    m, n, k, j = orders
+    skip = len(estimate.values) - (m + n + k + j)
+    theta, std = estimate.values[skip:], estimate.std[skip:]
+    unit = search.reference ** -np.concatenate([np.arange(1, count + 1) for count in orders])
     values, errors = (np.split(x * unit, np.cumsum([m, n, k])) for x in (theta, std))
     tops = [(np.append(v[::-1], 1.0), np.append(s[::-1], 0.0)) for v, s in zip(values, errors, strict=True)]
-    front, d_front = best.problem.front(theta[: m + n])
-    back, d_back = best.problem.back(theta[m + n :])
+    front, d_front = problem.front(theta[: m + n])
+    back, d_back = problem.back(theta[m + n :])
     zeta = np.zeros((len(front) + len(back), m + n + k + j), complex)
     zeta[: len(front), : m + n], zeta[len(front) :, m + n :] = d_front, d_back
-    covariance = best.estimate.covariance[skip:, skip:]
+    covariance = estimate.covariance[skip:, skip:]
     log_gain = np.sqrt(np.einsum("fi,ij,fj->f", zeta.real, covariance, zeta.real))
     phases = zeta.imag @ covariance @ zeta.imag.T
     g, phase_std, split = np.concatenate([front, back]), np.sqrt(np.diag(phases)), len(front)
-    phase = np.concatenate([_phase(best.problem.front, theta[: m + n]), _phase(best.problem.back, theta[m + n :])])
+    phase = np.concatenate([_phase(problem.front, theta[: m + n]), _phase(problem.back, theta[m + n :])])
     order = sorted(search.seen)
     bic = np.array([search.seen[o].bic for o in order])
     rivals = [order[i] for i in np.argsort(bic)[1:] if bic[i] < bic.min() + RIVAL]
     numbers = np.full((len(rivals), max([0, *map(sum, rivals)])), np.nan)
-    for row, orders in zip(numbers, rivals, strict=True):
-        power = np.concatenate([np.arange(1, count + 1) for count in orders])
-        row[: sum(orders)] = np.concatenate(_coefficients(search.seen[orders])) * search.reference**-power
+    for row, other in zip(numbers, rivals, strict=True):
+        power = np.concatenate([np.arange(1, count + 1) for count in other])
+        row[: sum(other)] = np.concatenate(search.seen[other].coefficients) * search.reference**-power
     return Rational(
         *tops[0], *tops[1], *tops[2], *tops[3],
         search.omegas[0], abs(g[:split]), abs(g[:split]) * log_gain[:split], phase[:split], phase_std[:split],
         search.omegas[1], abs(g[split:]), abs(g[split:]) * log_gain[split:], phase[split:], phase_std[split:],
         phases, np.array(order), bic, np.array(rivals, np.intp).reshape(-1, 4), numbers, search.reference,
-        starts, agreeing, best.estimate,
+        starts, agreeing, estimate,
     )  # fmt: skip
 
 
