@@ -134,7 +134,7 @@ class _Linear(NamedTuple):
         scaled[:, n, n] = 1.0 + RIDGE
         both = np.stack([scaled, scaled])
         both[1][:, n, n] += mu[:, None]
-        finite = np.isfinite(both).all(axis=(0, 2, 3)) & np.isfinite(target).all(axis=1)
+        finite = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)) & np.isfinite(target).all(axis=1), bool)
         both[:, ~finite], target = np.eye(len(n)), np.where(finite[:, None], target, 0.0)
         found = np.linalg.solve(both, np.broadcast_to(target, (2, *target.shape))[..., None])[..., 0]
         return found[0] * inverse, found[1] * inverse, np.einsum("bi,bi->b", found[0], target)

@@ -22,7 +22,8 @@ Asking = Generator[Any, Record | None, tuple[list[Record], list[str]]]
 def ask_levels(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read) -> Asking:
     """Ask for levels in the gaps of all borders at once, one a border and round, until they are narrow or nobody answers.
 
-    curve, pieces: what the records show so far; read: what they show with more. Returns the records that answered, and what was asked in vain. Source [PAPERS A, build 3].
+    curve, pieces: what the records show so far; read: what they show with more.
+    Returns the records that answered, and what was asked in vain. Source [PAPERS A, build 3].
     """
     span, std, hold_s = float(np.ptp(curve.level)), float(np.median(curve.mean_std)), _hold(records)
     unclear = wide(pieces, span, std)

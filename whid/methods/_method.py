@@ -61,3 +61,10 @@ class Method(Kind):
     @abstractmethod
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield each stage's result in the paper's order, the Model last."""
+
+    def wants_samples(self, samples: int) -> str:
+        """Return why the statistics of so many samples (levels, harmonics: `_statistics.Statistics`) do not suffice.
+
+        "" where they do: such a method is also called as `staged(statistics, model)`.
+        """
+        return f"{self.kind} reads every sample"

@@ -19,12 +19,12 @@ from whid.methods._sines import (
     above_noise,
     degree_under,
     fit_chain,
-    gather,
     is_affine,
     is_smooth,
     on_each_piece,
     unseen,
 )
+from whid.methods._statistics import OfRecords, Statistics
 from whid.methods._whole import whole_record
 from whid.predict import input_signal
 from whid.record import Record
@@ -34,10 +34,10 @@ from whid.stages.harmonic_floor import harmonic_floor
 from whid.stages.identifiability import identifiability
 from whid.stages.joint import joint
 from whid.stages.lags import Lags, lags
-from whid.stages.levels import StaticCurve, level_means
+from whid.stages.levels import StaticCurve
 from whid.stages.rational import Orders, Rational
 from whid.stages.segmentation import Segmentation, segment
-from whid.stages.settle import Settle, settle_time
+from whid.stages.settle import Settle
 from whid.stages.stepwise import stepwise
 from whid.system import System
 
@@ -72,43 +72,55 @@ class WienerHammerstein(Method):
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield settle, levels, branch gap, pieces; then either the sine stages or the lags; the Model last."""
-        visits = assemble.visits(records)
-        if len(visits) < 2:
+        return self.staged(OfRecords(records), model)
+
+    def staged(self, seen: Statistics, model: System | None = None) -> Stages:
+        """Yield the same from the statistics of records, whoever made them."""
+        if len(assemble.visits(seen.records)) < 2:
             raise WhidError("method-no-levels", "wiener_hammerstein needs a staircase: two constant levels or more")
-        rates = assemble.by_rate(visits)  # one noise model a sampling time
-        settles = [settle_time([v.y for v in same], dt) for dt, same in rates.items()]
+        settles = [] if self.settle_s else seen.settles()
         yield from settles
         seconds = self.settle_s or max(settle.settle for settle in settles)
-        noise, curve, pieces = self._read(records, seconds)
-        more, vain = yield from ask_levels(records, curve, pieces, lambda known: self._read(known, seconds)[1:])
+        noise, curve, pieces = self._read(seen, seconds)
+        more, vain = yield from ask_levels(
+            seen.records, curve, pieces, lambda known: self._read(OfRecords(known), seconds)[1:]
+        )
         if more:
-            records = [*records, *more]
-            noise, curve, pieces = self._read(records, seconds)
+            seen = OfRecords([*seen.records, *more])
+            noise, curve, pieces = self._read(seen, seconds)
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
             yield branch_gap(curve)
         yield pieces
-        sines = gather(records, seconds, self.harmonics, noise)
+        sines = seen.sines(seconds, self.harmonics, noise)
         for sine in sines:
             yield sine.harmonics
         heard = [sine for sine in sines if sine.harmonics.heard]
-        said = _left_out(records, settles, sines, heard) + tuple(vain)
+        said = _left_out(seen.records, settles, sines, heard) + tuple(vain)
         if heard:
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
-            yield from self._from_sines(records, curve, pieces, heard, orders, said)
+            yield from self._from_sines(seen, curve, pieces, heard, orders, said)
         else:
-            yield from self._from_steps(records, curve, pieces, seconds, said)
+            yield from self._from_steps(seen.records, curve, pieces, seconds, said)
 
-    def _read(self, records: Sequence[Record], settle: float) -> tuple[dict[float, Floats], StaticCurve, Segmentation]:
+    def wants_samples(self, samples: int) -> str:
+        """Return why levels and harmonics do not suffice for so many samples, "" where they do."""
+        if self.settle_s is None:
+            return "the settling time is read from the samples: declare `identify.settle_s`"
+        if self._whole(samples):
+            return "the whole-record fit reads every sample: `identify.whole_record: false`"
+        return ""
+
+    def _read(self, seen: Statistics, settle: float) -> tuple[dict[float, Floats], StaticCurve, Segmentation]:
         """Return the noise's autoregression by sampling time, the static curve, and its pieces."""
-        curves = {dt: _levels(same, dt, settle) for dt, same in assemble.by_rate(assemble.visits(records)).items()}
+        curves = seen.curves(settle)
         curve = assemble.joined(list(curves.values()))
         return {dt: one.ar for dt, one in curves.items()}, curve, segment(curve, max_degree=self.degree)
 
     def _from_sines(
         self,
-        records: Sequence[Record],
+        seen: Statistics,
         curve: StaticCurve,
         pieces: Segmentation,
         sines: Sequence[Sine],
@@ -122,8 +134,7 @@ class WienerHammerstein(Method):
                 floor = harmonic_floor(sine.harmonics, degree_under(pieces, sine))
                 yield floor
                 left[i] = floor.p < LEFT / len(sines)
-        samples = sum(int(record.using("estimation").sum()) for record in records)
-        data, fit = fit_chain(sines, pieces, curve, left, samples, orders)
+        data, fit = fit_chain(sines, pieces, curve, left, seen.samples, orders)
         static, responses = data.static, data.responses
         yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
         if all(is_smooth(pieces, sine) for sine in sines) and not any(left):
@@ -136,7 +147,7 @@ class WienerHammerstein(Method):
         staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
         assumed = tuple(pieces.assumed(unseen(pieces, data)))
         rivals = None if orders else assemble.rivals_of(fit, staged.system)
-        yield from self._finished(records, staged, assumed, rivals, split=not is_affine(static))
+        yield from self._finished(seen, staged, assumed, rivals, split=not is_affine(static))
 
     def _from_steps(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
@@ -154,22 +165,24 @@ class WienerHammerstein(Method):
         yield found
         missing = said + self._missing_steps(found)
         staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
-        yield from self._finished(records, staged, tuple(pieces.assumed()), [], split=True)
+        yield from self._finished(OfRecords(records), staged, tuple(pieces.assumed()), [], split=True)
+
+    def _whole(self, samples: int) -> bool:
+        """Tell whether a whole-record fit is wanted of so many samples."""
+        return samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
 
     def _finished(
-        self, records: Sequence[Record], staged: Model, assumed: tuple[str, ...], rivals: list[System] | None, *, split: bool
+        self, seen: Statistics, staged: Model, assumed: tuple[str, ...], rivals: list[System] | None, *, split: bool
     ) -> Stages:
         """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model.
 
         rivals: systems with other orders that the stages could not tell apart; None where the orders were told.
         """
-        samples = sum(int(record.using("estimation").sum()) for record in records)
-        wanted = samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
-        if not (wanted and split):
+        if not (self._whole(seen.samples) and split):
             yield staged._replace(missing=staged.missing + assumed)
             return
         try:
-            found, model = whole_record(records, staged, self.degree, rivals=rivals or (), told=rivals is None)
+            found, model = whole_record(seen.records, staged, self.degree, rivals=rivals or (), told=rivals is None)
         except (WhidError, ValueError, np.linalg.LinAlgError) as fault:  # the stages before it still stand
             yield staged._replace(missing=(*staged.missing, *assumed, f"the whole-record fit failed: {fault}"))
             return
@@ -231,8 +244,3 @@ def _left_out(
     if silent := len(sines) - len(heard):
         said.append(f"{silent} sine{'s' * (silent > 1)} left out: nothing of it stands out of the noise")
     return tuple(said)
-
-
-def _levels(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
-    level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
-    return level_means([v.y for v in visits], level, direction, dt, settle)

@@ -1,0 +1,80 @@
+"""What the staged methods read of an experiment: its levels and the harmonics of its sines, whoever makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from whid.methods import _assemble as assemble
+from whid.methods._sines import Sine, gather
+from whid.record import Record
+from whid.signal import Floats
+from whid.stages.levels import StaticCurve, level_means
+from whid.stages.settle import Settle, settle_time
+
+
+class Statistics(Protocol):
+    """Levels and harmonics of an experiment: measured on records, or drawn as records would give them.
+
+    records   what happened when; y missing where the samples were not kept
+    sampled   whether there are samples to read besides the statistics
+    samples   how many there were for estimation
+    """
+
+    @property
+    def records(self) -> Sequence[Record]:
+        """Return the records that the statistics are of."""
+
+    @property
+    def sampled(self) -> bool:
+        """Tell whether the records' outputs are there to read."""
+
+    @property
+    def samples(self) -> int:
+        """Return the number of samples for estimation."""
+
+    def settles(self) -> list[Settle]:
+        """Return how long the holds take to settle, by sampling time."""
+
+    def curves(self, settle: float) -> dict[float, StaticCurve]:
+        """Return the static curve of each sampling time, the first `settle` seconds of a hold left out."""
+
+    def sines(self, settle: float, highest: int, colour: dict[float, Floats]) -> list[Sine]:
+        """Return the sines and their harmonics; colour: the noise's autoregression by sampling time."""
+
+
+@dataclass(frozen=True, eq=False)
+class OfRecords:
+    """Statistics of records in memory."""
+
+    records: Sequence[Record]
+    sampled: bool = True
+
+    @property
+    def samples(self) -> int:
+        """Return the number of samples for estimation."""
+        return sum(int(record.using("estimation").sum()) for record in self.records)
+
+    def settles(self) -> list[Settle]:
+        """Return how long the holds take to settle, by sampling time."""
+        return [settle_time([v.y for v in same], dt) for dt, same in self._by_rate().items()]
+
+    def curves(self, settle: float) -> dict[float, StaticCurve]:
+        """Return the static curve of each sampling time."""
+        return {dt: static_curve(same, dt, settle) for dt, same in self._by_rate().items()}
+
+    def sines(self, settle: float, highest: int, colour: dict[float, Floats]) -> list[Sine]:
+        """Return the sines and their harmonics."""
+        return gather(self.records, settle, highest, colour)
+
+    def _by_rate(self) -> dict[float, list[assemble.Visit]]:
+        return assemble.by_rate(assemble.visits(self.records))  # one noise model a sampling time
+
+
+def static_curve(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
+    """Return the static curve of visits of one sampling time."""
+    level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
+    return level_means([v.y for v in visits], level, direction, dt, settle)
