@@ -198,6 +198,11 @@ CATALOGUE: dict[str, Explanation] = {
         "Hold levels longer, measure more periods, or set fewer lead periods.",
         FAILED,
     ),
+    "statistics-only": Explanation(
+        "The repeat was drawn as levels and harmonics, and the method came to need samples.",
+        "Run the sweep with `--full-records`.",
+        FAILED,
+    ),
     "stage-no-model": Explanation(
         "No stable linear blocks explain the harmonics of the sines: the nonlinearity of the levels does not fit them.",
         "Add levels where the sines run, or let the sines stay inside one piece; what was found before is kept.",

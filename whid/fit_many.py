@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 RIDGE = 1e-13  # of a scaled matrix of products: below, columns count as dependent
 GAIN = 1e-10  # χ² that an undamped step would still take: less is the minimum
 ROUNDING = 1e-13  # of χ²: the same, where χ² is large
-MISFIT, SLOW, IDLE = 3.0, 0.01, 4  # χ² a residual; of χ² a step; steps: a start that creeps far from the data is given up
+MISFIT, SLOW, IDLE = 3.0, 0.01, 8  # χ² a residual; of χ² a step; steps: a start that creeps far from the data is given up
 
 
 class Descents(NamedTuple):

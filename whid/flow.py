@@ -17,7 +17,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from whid import plots, score, summary
+from whid import drawn, plots, score, summary
 from whid.config.load import as_system, load_study, resolved
 from whid.config.memory import allow
 from whid.config.next_plan import next_plan
@@ -38,7 +38,7 @@ from whid.methods._method import Answered, Model, Wanted
 from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
-from whid.residual import Misfit, misfit, thinned
+from whid.residual import Misfit, misfit, misfit_of, thinned
 from whid.result import Asked, Failure, Result, snake_case
 from whid.signal import Floats
 from whid.simulate import Clean, simulate, stream
@@ -90,9 +90,35 @@ def run(
 
 def execute(study: Study, base: Path, seeds: np.random.SeedSequence, clean: Clean | None = None) -> Result:
     """Run a study in memory: no folder, no pictures, no tables (a sweep runs thousands, sharing what is free of noise)."""
-    work = _Work(study, base, seeds, _Clock(lambda line: None, None), clean=clean)
+    work = _Work(study, base, seeds, _Clock(lambda line: None, None), clean=clean, alone=False)
     work.attempt(work.obtain, work.identify, work.trace, work.assess)
     return work.result({})
+
+
+def execute_drawn(study: Study, seeds: np.random.SeedSequence) -> Result:
+    """Run a study that `records_needed` does not refuse on drawn statistics; what only samples tell is not there."""
+    assert study.plant is not None
+    plans = drawn.plans(study.plant, study.experiment)
+    std = [plan.std(study.plant.noise) for plan in plans]
+    work = _Work(study, Path(), seeds, _Clock(lambda line: None, None), alone=False)
+    work.statistics = drawn.Drawn(plans, std, seeds.spawn(len(plans)))
+    work.records = list(work.statistics.records)
+    work.attempt(work.identify, work.assess)
+    return work.result({})
+
+
+def records_needed(study: Study) -> str:
+    """Return why a study's repeats need whole records, "" where drawn statistics are the same to it."""
+    if study.plant is None:
+        return "the data are measured"
+    if study.trace is not None:
+        return "the closed loop looks at samples"
+    samples = sum(experiment.samples() for experiment in study.experiment)
+    if wants := study.identify.wants_samples(samples):
+        return wants
+    if named := next((bound.metric for bound in study.expect if bound.metric.startswith(score.OF_SAMPLES)), ""):
+        return f"`expect:` bounds {named}, which only samples tell"
+    return drawn.refusal(study.plant, study.experiment, *study.identify.reads())
 
 
 def trace(
@@ -167,6 +193,8 @@ class _Work:
     doing: str = ""
     clean: Clean | None = None
     chunked: bool = False
+    statistics: drawn.Drawn | None = None  # drawn ones, in place of what samples would give
+    alone: bool = True  # somebody reads the warnings
 
     def attempt(self, *steps: Callable[[], None]) -> None:
         """Do the steps; a fault ends the work, not what was finished."""
@@ -206,8 +234,9 @@ class _Work:
 
     def identify(self) -> None:
         """Run the method on what it may see, collect its stages, serve the experiments it wants."""
-        records = [_open(record) for record in self.records]
-        stages = self.study.identify(cast(list[Record], records), self.study.model)  # long ones only where it takes them
+        method, model = self.study.identify, self.study.model
+        records = cast(list[Record], [_open(record) for record in self.records])  # long ones only where it takes them
+        stages = method.staged(self.statistics, model) if self.statistics else method(records, model)
         answer: Record | None = None
         try:
             while True:
@@ -284,14 +313,17 @@ class _Work:
         """Open the report parts: the residual of every record, then the score."""
         model = self.stages["model"]
         path = _path(self.study)
-        self.misfits = tuple(misfit(model.system.tree, record, path) for record in self.records)
+        if self.statistics:
+            self.misfits = tuple(misfit_of(record, record.y) for record in self.statistics.records)  # of no output: none
+        else:
+            self.misfits = tuple(misfit(model.system.tree, record, path) for record in self.records)
         self.metrics = dict(score.score(model, self.records, self.misfits, self.study.plant))
         for stage in self.stages.values():
             self.metrics |= stage.metrics() if hasattr(stage, "metrics") else {}
             self.warnings += stage.doubts() if hasattr(stage, "doubts") else ()
         self.warnings += score.doubts(model, self.metrics)
         self.clock.tick("score")
-        self.warnings += _doubts([_open(record) for record in self.records])
+        self.warnings += _doubts([_open(record) for record in self.records]) if self.alone else ()
 
     def kept(self) -> tuple[Record, ...]:
         """Return the records, of long ones every so many-th sample."""

@@ -22,6 +22,7 @@ from whid.system import System
 
 Metrics = dict[str, float | Measured]
 ACROSS = 401  # inputs at which two curves are compared
+OF_SAMPLES = ("estimation.", "selection.", "report.")  # metrics of residuals begin with it
 MISFIT = 3.0  # χ²/dof: errors understated by √3 and more, at any number of degrees of freedom that matters
 
 

@@ -25,6 +25,7 @@ from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.files.sweep_file import KEPT, read_sweep, write_sweep
 from whid.quantity import Measured
+from whid.result import Result
 from whid.score import true_value, units
 from whid.simulate import Clean
 from whid.sweep_bound import bounds
@@ -160,16 +161,26 @@ def _perform(
 def repeats(shared: tuple[Study, Path], tasks: Sequence[tuple[int, tuple[int, ...]]]) -> list[Outcome]:
     """Run repeats of one cell in memory; a fault is an outcome, not the end of the sweep."""
     study, base = shared
-    clean = Clean()
-    return [_outcome(study, base, spawn_key, clean) for _, spawn_key in tasks]
+    why, clean = _records(study), Clean()
+    seeds = [np.random.SeedSequence(study.seed, spawn_key=spawn_key) for _, spawn_key in tasks]
+    return [_outcome(flow.execute(study, base, s, clean) if why else flow.execute_drawn(study, s), why) for s in seeds]
 
 
-def _outcome(study: Study, base: Path, spawn_key: tuple[int, ...], clean: Clean) -> Outcome:
-    result = flow.execute(study, base, np.random.SeedSequence(study.seed, spawn_key=spawn_key), clean)
+def _records(study: Study) -> str:
+    """Return why repeats need whole records, "" where their statistics are drawn."""
+    if study.sweep and study.sweep.full_records:
+        return "asked for"
+    try:
+        return flow.records_needed(study)
+    except WhidError as fault:  # the repeats will say so themselves
+        return str(fault)
+
+
+def _outcome(result: Result, why: str) -> Outcome:
     if result.error:
-        return Outcome({}, f"{result.error.code}: {result.error.message}")
+        return Outcome({}, f"{result.error.code}: {result.error.message}", why)
     numbers = {name: m if isinstance(m, Measured) else Measured(m, float("nan")) for name, m in result.metrics.items()}
-    return Outcome({name: (float(m.value), float(m.std)) for name, m in numbers.items()})
+    return Outcome({name: (float(m.value), float(m.std)) for name, m in numbers.items()}, "", why)
 
 
 def _write(found: SweepResult, folder: RunFolder, origin: Mapping[str, Any]) -> SweepResult:

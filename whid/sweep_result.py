@@ -32,6 +32,7 @@ class SweepResult:
     errors  (cells, repeats) why a repeat failed, "" where it did not
     truth   metric → (cells,) what is true of a simulated plant, of the metrics that estimate something of it
     bound   metric → (cells,) the Cramér-Rao bound of their standard deviation
+    records (cells,) why its repeats had whole records, "" where their statistics were drawn
     """
 
     name: str
@@ -41,6 +42,7 @@ class SweepResult:
     errors: NDArray[Any]
     truth: Mapping[str, Floats] = field(default_factory=dict)
     bound: Mapping[str, Floats] = field(default_factory=dict)
+    records: tuple[str, ...] = ()
     expect: tuple[Bound, ...] = ()
     pictures: tuple[str, ...] = ()
     path: Path | None = None
@@ -92,7 +94,18 @@ class SweepResult:
         ]
         quantiles = tuple(f"{q:.0%}" for q in QUANTILES)
         columns = (*self.over, "metric", "mean ± its error", "sd", "RMSE", *quantiles, "n", "failed")
-        return Table(f"Sweep {self.name}", columns, tuple(rows))
+        return Table(f"Sweep {self.name}", columns, tuple(rows), self._made())
+
+    def _made(self) -> tuple[str, ...]:
+        """Say how the cells' records were made, and why so."""
+        ways = dict.fromkeys(self.records)
+        if set(ways) == {""}:
+            return ("records: drawn statistics; what only samples tell (estimation.rms, …) is not there",)
+        return tuple(
+            f"records: {f'full, because {why}' if why else 'drawn statistics'}"
+            f"{f' ({self.records.count(why)} of {len(self.records)} cells)' if len(ways) > 1 else ''}"
+            for why in ways
+        )
 
     def _places(self) -> list[tuple[str, ...]]:
         return [tuple(as_text(value) for value in values) for values in zip(*self.over.values(), strict=True)]
@@ -144,13 +157,15 @@ def gathered(study: Study, over: Mapping[str, tuple[Any, ...]], outcomes: Iterab
     errors = np.full(shape, "", object)
     values: dict[str, Floats] = {}
     std: dict[str, Floats] = {}
+    records = [""] * shape[0]
     for place, outcome in outcomes:
+        records[place[0]] = outcome.records
         errors[place] = outcome.error
         for name, (value, error) in outcome.metrics.items():
             if name not in values:
                 values[name], std[name] = np.full(shape, np.nan), np.full(shape, np.nan)
             values[name][place], std[name][place] = value, error
-    return SweepResult(study.name, over, values, std, errors, expect=study.expect)
+    return SweepResult(study.name, over, values, std, errors, records=tuple(records), expect=study.expect)
 
 
 def _checks(bound: Bound, values: Mapping[str, Floats]) -> Iterator[Check]:

@@ -23,13 +23,14 @@ SHOWN = 10  # failures as they happen
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
 @click.option("--scheduler", metavar="ADDRESS", default="", help="A Dask cluster instead, e.g. tcp://host:8786.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first repeat that fails.")
+@click.option("--full-records", is_flag=True, help="Simulate every record, even where drawn statistics are the same.")
 @click.option("--force", is_flag=True, help="Run again into a sibling folder, even when this sweep is done.")
 @click.option("--summary", type=click.Path(path_type=Path), help="Add a Markdown summary to a file.")
 @click.option("--junit", type=click.Path(path_type=Path), help="Write the bounds of `expect:` as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 def command(
-    config: Path, out: Path, overrides: tuple[str, ...], jobs: int, scheduler: str, fail_fast: bool, force: bool,
-    summary: Path | None, junit: Path | None, as_json: bool,
+    config: Path, out: Path, overrides: tuple[str, ...], jobs: int, scheduler: str, fail_fast: bool,
+    full_records: bool, force: bool, summary: Path | None, junit: Path | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Run a study over the grid of its `sweep:` section, many times a cell; one that was interrupted goes on.
 
@@ -38,6 +39,7 @@ def command(
     from whid.cli._gate import tell
     from whid.sweep import sweep
 
+    overrides = (*overrides, "sweep.full_records=true") if full_records else overrides
     try:
         with _Bar() as bar:
             found = sweep(

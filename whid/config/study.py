@@ -97,11 +97,13 @@ class Sweep:
     """`over:` maps paths, written as for `--set`, to lists of values; every cell runs `repeats` times.
 
     grid: all combinations; zip: the first values together, then the second, … (lists of one length).
+    full_records: simulate every record, even where drawing levels and harmonics as it would give them is the same.
     """
 
     over: Annotated[dict[str, Annotated[list[Any], MinLen(1)]], MinLen(1)]
     repeats: Annotated[int, Ge(1)] = 1
     mode: Literal["grid", "zip"] = "grid"
+    full_records: bool = False
 
     def __post_init__(self) -> None:
         lengths = {path: len(values) for path, values in self.over.items()}

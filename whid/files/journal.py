@@ -18,15 +18,20 @@ UNFINISHED = ".unfinished"  # the journal of runs/<stem> is runs/<stem>.unfinish
 TABLES = """
 CREATE TABLE IF NOT EXISTS sweep (hash TEXT NOT NULL, config TEXT NOT NULL, tasks INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS outcome (
-    cell INTEGER, repeat INTEGER, metrics TEXT NOT NULL, error TEXT NOT NULL, PRIMARY KEY (cell, repeat));
+    cell INTEGER, repeat INTEGER, metrics TEXT NOT NULL, error TEXT NOT NULL, records TEXT NOT NULL DEFAULT '',
+    PRIMARY KEY (cell, repeat));
 """
 
 
 class Outcome(NamedTuple):
-    """One repeat of one cell: its metrics with their standard errors, or why there are none."""
+    """One repeat of one cell: its metrics with their standard errors, or why there are none.
+
+    records: "" where statistics were drawn, else why there was a whole record
+    """
 
     metrics: Mapping[str, tuple[float, float]]
     error: str = ""
+    records: str = ""
 
 
 Place = tuple[int, int]  # cell, repeat
@@ -68,9 +73,9 @@ class Journal:
 
     def add(self, outcomes: Sequence[tuple[Place, Outcome]]) -> None:
         """Keep a batch: all of it or, if the process ends on the way, nothing."""
-        rows = [(*place, json.dumps(outcome.metrics), outcome.error) for place, outcome in outcomes]
+        rows = [(*place, json.dumps(o.metrics), o.error, o.records) for place, o in outcomes]
         self.file.execute("BEGIN")
-        self.file.executemany("INSERT OR REPLACE INTO outcome VALUES (?, ?, ?, ?)", rows)
+        self.file.executemany("INSERT OR REPLACE INTO outcome VALUES (?, ?, ?, ?, ?)", rows)
         self.file.execute("COMMIT")
 
     def places(self) -> set[Place]:
@@ -79,9 +84,9 @@ class Journal:
 
     def outcomes(self) -> Iterator[tuple[Place, Outcome]]:
         """Yield everything that is finished, in order."""
-        rows = self.file.execute("SELECT cell, repeat, metrics, error FROM outcome ORDER BY cell, repeat")
-        for cell, repeat, metrics, error in rows:
-            yield (cell, repeat), Outcome({name: (v, s) for name, (v, s) in json.loads(metrics).items()}, error)
+        rows = self.file.execute("SELECT cell, repeat, metrics, error, records FROM outcome ORDER BY cell, repeat")
+        for cell, repeat, metrics, error, records in rows:
+            yield (cell, repeat), Outcome({name: (v, s) for name, (v, s) in json.loads(metrics).items()}, error, records)
 
     def discard(self) -> None:
         """Remove the file: its outcomes stand elsewhere now."""

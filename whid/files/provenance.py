@@ -12,8 +12,8 @@ from typing import Any
 
 from whid import __version__
 
-RESULTS_VERSION = 1  # bumped when the same study gives other numbers
-SCHEMA_VERSION = 3  # bumped when a study or a result file is written differently
+RESULTS_VERSION = 2  # bumped when the same study gives other numbers
+SCHEMA_VERSION = 4  # bumped when a study or a result file is written differently
 
 
 def provenance(config: str, data: Sequence[Path]) -> dict[str, Any]:

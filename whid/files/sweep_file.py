@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-KEPT = ("over", "values", "std", "errors", "truth", "bound")  # of a `SweepResult`
+KEPT = ("over", "values", "std", "errors", "truth", "bound", "records")  # of a `SweepResult`
 
 
 def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any], metric_units: Callable[[str], str]) -> None:
@@ -37,6 +37,7 @@ def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any],
             columns = file.create_group(kind)
             for name, column in found[kind].items():
                 columns.create_dataset(name, data=column).attrs["units"] = metric_units(name)
+        file.create_dataset("records", data=list(found["records"]), dtype=h5py.string_dtype())
         failures = found["errors"].astype(h5py.string_dtype())
         file.create_dataset("failures", data=failures, dtype=h5py.string_dtype(), compression="gzip")
         for name, value in origin.items():
@@ -49,7 +50,8 @@ def read_sweep(path: Path) -> dict[str, Any]:
         over = {name: tuple(values) for name, values in json.loads(file["over"].asstr()[()]).items()}
         found = {name: np.asarray(dataset) for name, dataset in file["metrics"].items()}
         errors = np.asarray(file["failures"].asstr()[()], object)
+        records = tuple(file["records"].asstr()[()]) if "records" in file else ()  # files of before had none
         judged = {kind: {name: np.asarray(d) for name, d in file[kind].items()} for kind in ("truth", "bound")}
     values = {name: array for name, array in found.items() if not name.endswith("_errors")}
     std = {name: found[f"{name}_errors"] for name in values}
-    return {"over": over, "values": values, "std": std, "errors": errors, **judged}
+    return {"over": over, "values": values, "std": std, "errors": errors, "records": records, **judged}

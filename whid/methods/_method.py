@@ -5,13 +5,16 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from whid.experiments._part import Part
 from whid.fit import Estimate
 from whid.kinds import Kind
 from whid.record import Record
 from whid.system import System
+
+if TYPE_CHECKING:
+    from whid.methods._statistics import Statistics
 
 
 class Wanted(NamedTuple):
@@ -62,9 +65,14 @@ class Method(Kind):
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield each stage's result in the paper's order, the Model last."""
 
-    def wants_samples(self, samples: int) -> str:
-        """Return why the statistics of so many samples (levels, harmonics: `_statistics.Statistics`) do not suffice.
+    def staged(self, seen: Statistics, model: System | None = None) -> Stages:
+        """Yield the same stages from statistics alone, where `wants_samples` says that they suffice."""
+        raise NotImplementedError
 
-        "" where they do: such a method is also called as `staged(statistics, model)`.
-        """
-        return f"{self.kind} reads every sample"
+    def wants_samples(self, samples: int) -> str:
+        """Return why levels and harmonics of so many samples do not suffice, "" where they do."""
+        return f"`{self.kind}` reads every sample"
+
+    def reads(self) -> tuple[float, int]:
+        """Return the settling time, s, that is left out of them, and the highest harmonic that is looked at."""
+        raise NotImplementedError

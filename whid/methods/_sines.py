@@ -35,20 +35,43 @@ def gather(records: Sequence[Record], settle: float, highest: int, colour: dict[
     """
     found = []
     for record in records:
-        for part in record.select("sine"):
-            period = float(part.period)  # type: ignore[attr-defined]
-            skip = max(int(part.lead_periods), int(np.ceil(settle / (period * record.dt))))  # type: ignore[attr-defined]
-            if part.length < (skip + 2) * period:
-                continue
-            stretch = slice(part.start, part.stop)
-            y = np.where(record.mask, record.y, np.nan)[stretch]
-            into = harmonics(record.u[stretch], period, skip, count=1)
-            omega = 2 * np.pi / (period * record.dt)
-            first = complex(into.value[1])
-            phasor = held_sine(abs(first), float(np.angle(first)), omega, record.dt, record.intersample)
-            out = harmonics(y, period, skip, min(highest, int(period / 2 - 1)), colour.get(record.dt, np.empty(0)))
-            found.append(Sine(omega, float(into.value[0].real), phasor, out))
+        y = np.where(record.mask, record.y, np.nan)
+        for drive in drives(record, settle):
+            highest_here = min(highest, drive.highest)
+            out = harmonics(y[drive.part], drive.period, drive.skip, highest_here, colour.get(record.dt, np.empty(0)))
+            found.append(Sine(drive.omega, drive.offset, drive.phasor, out))
     return found
+
+
+class Drive(NamedTuple):
+    """One sine as it is in the input of a record."""
+
+    part: slice
+    period: float  # samples
+    skip: int  # periods left out
+    omega: float
+    offset: float
+    phasor: complex
+
+    @property
+    def highest(self) -> int:
+        """Return the highest harmonic that the sampling can tell."""
+        return int(self.period / 2 - 1)
+
+
+def drives(record: Record, settle: float) -> Iterator[Drive]:
+    """Yield every estimation sine that has two periods after the settling time."""
+    for part in record.select("sine"):
+        period = float(part.period)  # type: ignore[attr-defined]
+        skip = max(int(part.lead_periods), int(np.ceil(settle / (period * record.dt))))  # type: ignore[attr-defined]
+        if part.length < (skip + 2) * period:
+            continue
+        stretch = slice(part.start, part.stop)
+        into = harmonics(record.u[stretch], period, skip, count=1)
+        omega = 2 * np.pi / (period * record.dt)
+        first = complex(into.value[1])
+        phasor = held_sine(abs(first), float(np.angle(first)), omega, record.dt, record.intersample)
+        yield Drive(stretch, period, skip, omega, float(into.value[0].real), phasor)
 
 
 def pieces_under(pieces: Segmentation, sine: Sine, gain: float = 1.0) -> tuple[int, int]:

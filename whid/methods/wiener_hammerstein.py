@@ -101,6 +101,8 @@ class WienerHammerstein(Method):
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
             yield from self._from_sines(seen, curve, pieces, heard, orders, said)
+        elif not seen.sampled:
+            raise WhidError("statistics-only", "no sine stands out of the noise: what is left are steps, sample by sample")
         else:
             yield from self._from_steps(seen.records, curve, pieces, seconds, said)
 
@@ -111,6 +113,10 @@ class WienerHammerstein(Method):
         if self._whole(samples):
             return "the whole-record fit reads every sample: `identify.whole_record: false`"
         return ""
+
+    def reads(self) -> tuple[float, int]:
+        """Return the declared settling time and the highest harmonic."""
+        return self.settle_s or 0.0, self.harmonics
 
     def _read(self, seen: Statistics, settle: float) -> tuple[dict[float, Floats], StaticCurve, Segmentation]:
         """Return the noise's autoregression by sampling time, the static curve, and its pieces."""

@@ -139,16 +139,47 @@ def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20, ar: Floa
     else:
         value, residual = _regression(window, valid, first, 2 * np.pi / period, count)
         spectrum = np.fft.rfft(residual)
-    power, order, samples = np.abs(spectrum) ** 2, np.arange(count + 1), int(valid.sum())
+    power, samples = np.abs(spectrum) ** 2, int(valid.sum())
     between = np.arange(len(power)) % periods != 0
     noise = float(np.sqrt(power[between].mean() / samples)) if between.any() else float("inf")
-    if periods == 1:
-        endless = np.full(count + 1, np.inf)
-        return Harmonics(order, value, endless, endless, 0, noise, float(period), periods)
-    near, _ = _noise_power(power, periods, count, len(window), ar, _LINES)
-    own, lines = _noise_power(power, periods, count, len(window), _WHITE, 0)
-    part = np.sqrt(np.where(order == 0, 1.0, 2.0)) / samples
-    return Harmonics(order, value, part * np.sqrt(near), part * np.sqrt(own), lines, noise, float(period), periods)
+    return of_lines(value, power, noise, Window(float(period), periods, len(window), samples), ar)
+
+
+class Window(NamedTuple):
+    """Whole periods of a record: samples, of which some may be missing."""
+
+    period: float
+    periods: int
+    length: int
+    valid: int
+
+    def lines(self, count: int, fewest: int = _LINES) -> NDArray[np.intp]:
+        """Return the lines (count + 1, n) on either side of each harmonic: n = P − 1, or `fewest` if more.
+
+        Those of the mean (k = 0) are all on one side: below, the lines are the same ones mirrored.
+        """
+        half = max((self.periods - 1) // 2, (fewest + 1) // 2, 1)
+        away = np.arange(1, 4 * half + 4)
+        away = away[away % self.periods != 0][: 2 * half]
+        near = np.abs(np.arange(count + 1)[:, None] * self.periods + np.append(-away[:half], away[:half]))
+        near[0] = away
+        return np.asarray(np.minimum(near, self.length // 2))
+
+
+def of_lines(value: Complexes, power: Floats, noise_std: float, window: Window, ar: Floats = _WHITE) -> Harmonics:
+    """Return harmonics 0 … of a window with the noise of the spectral lines beside them; power: |spectrum|² by line."""
+    order = np.arange(len(value))
+    if window.periods == 1:
+        endless = np.full(len(value), np.inf)
+        return Harmonics(order, value, endless, endless, 0, noise_std, window.period, 1)
+    near, own = window.lines(len(order) - 1), window.lines(len(order) - 1, 0)
+    at = _shape(ar, order * window.periods, window.length)
+    shared = at * np.mean(power[near] / _shape(ar, near, window.length), axis=1)
+    part = np.sqrt(np.where(order == 0, 1.0, 2.0)) / window.valid
+    alone = part * np.sqrt(np.mean(power[own], axis=1))
+    return Harmonics(
+        order, value, part * np.sqrt(shared), alone, own.shape[1], noise_std, window.period, window.periods
+    )  # fmt: skip
 
 
 def fit_sine(u: Floats, period_guess: float) -> SineFit:
@@ -237,24 +268,10 @@ def _fourier(rows: slice, first: int, omega: float, count: int) -> Floats:
     return np.column_stack([np.ones(len(turn)), powers.real, -powers.imag])
 
 
-def _noise_power(power: Floats, periods: int, count: int, samples: int, ar: Floats, fewest: int) -> tuple[Floats, int]:
-    """Return the noise power at each harmonic from the lines about it, and their number: P − 1, or `fewest` if more.
-
-    Above the mean (k = 0) all are on one side: below, the lines are the same ones mirrored.
-    """
-    half = max((periods - 1) // 2, (fewest + 1) // 2, 1)
-    away = np.arange(1, 4 * half + 4)
-    away = away[away % periods != 0][: 2 * half]
-    at = np.arange(count + 1) * periods
-    near = np.abs(at[:, None] + np.append(-away[:half], away[:half]))
-    near[0] = away
-    near = np.minimum(near, len(power) - 1)
-    mean = np.mean(power[near] / _shape(ar, near, samples), axis=1)
-    return np.asarray(mean * _shape(ar, at, samples)), 2 * half
-
-
 def _shape(ar: Floats, line: NDArray[np.intp], samples: int) -> Floats:
     """Return the spectrum of an autoregression, up to a factor, at lines of the Fourier transform of that many samples."""
+    if not len(ar):
+        return np.ones(line.shape)
     turn = np.exp(-2j * np.pi * line / samples)
     return np.asarray(1 / np.abs(np.polynomial.polynomial.polyval(turn, np.append(1.0, -ar))) ** 2)
 
