@@ -12,9 +12,9 @@ from whid.disturbances.white import White
 from whid.experiments._experiment import Experiment
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
-from whid.methods._assemble import visits
 from whid.methods._method import Answered, Wanted
-from whid.methods.wiener_hammerstein import WienerHammerstein, _levels
+from whid.methods._statistics import OfRecords
+from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.simulate import simulate
 from whid.stages.segmentation import segment
 from whid.system import System
@@ -117,7 +117,7 @@ def test_beyond_the_budget_the_method_finishes_and_says_what_is_missing():
 def test_without_answers_nothing_but_what_is_missing_changes():
     """Asking in vain leaves every number as a method that does not ask would give it."""
     record = simulate(jumping(0.8), QUICK, np.random.default_rng(SEED))
-    curve = _levels(visits([record]), QUICK.dt, 10.0)
+    curve = OfRecords([record]).curves(10.0)[QUICK.dt]
     vain, asked, _ = served(replace(STAGED, settle_s=10.0), jumping(0.8), QUICK, SEED, most=0, until=PIECES)
     assert asked
     np.testing.assert_array_equal(segment(curve).estimate.values, vain[PIECES][0].estimate.values)
