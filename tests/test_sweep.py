@@ -3,6 +3,7 @@
 import csv
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -82,6 +83,8 @@ def test_file_and_table(config, tmp_path):
     gain = next(name for name in found.values if name.startswith("front.gain@"))
     one = dict(zip(table.columns, found.table([gain]).rows[0], strict=True))
     assert one["RMSE"] == pytest.approx(np.sqrt(np.mean((found.values[gain][0] - found.truth[gain][0]) ** 2)))
+    rms = dict(zip(table.columns, found.table(["estimation.rms"]).rows[0], strict=True))
+    assert rms["RMSE"] is None  # nothing is true of it
     with (found.path / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert float(rows[0]["mean ± its error"]) == values.mean()
@@ -118,3 +121,45 @@ def test_a_fault_in_one_cell_is_told_before_anything_runs(config, tmp_path):
         sweep({"name": "a", "data": {"file": "x.csv", "columns": {"input": "u", "output": "y"}, "dt": 1.0},
                "identify": {"kind": "wiener_hammerstein"}}, tmp_path)  # fmt: skip
     assert not any(tmp_path.glob("small-*"))
+
+
+def test_a_sweep_over_a_trace_study_counts_verdicts(tmp_path):
+    """Over the clip that the model lacks: how often it is found, with which numbers, and the error before and after."""
+    lag = {"kind": "linear", "num": [1], "den": [0.3, 1]}
+    study = {
+        "name": "traced",
+        "seed": 81700,
+        "plant": {"chain": [lag, {"kind": "saturation", "low": -0.8, "high": 0.8}], "noise": {"kind": "white", "std": 0.02}},
+        "experiment": {
+            "dt": 0.1,
+            "parts": [
+                {"kind": "multisine", "period": 128, "periods": 4, "rms": 1.0, "band": [0.0, 0.4]},
+                {"kind": "multisine", "period": 128, "periods": 2, "rms": 1.0, "band": [0.0, 0.4], "use": "report"},
+            ],
+        },
+        "model": {"chain": [lag]},
+        "identify": {"kind": "fit"},
+        "trace": {"effects": ["saturation", "lag"]},
+        "sweep": {"over": {"plant.chain.1.high": [0.8, 20.0], "plant.chain.1.low": [-0.8, -20.0]}, "mode": "zip"},
+        "expect": [{"metric": "verdict.after.over_floor", "below": 1.5}],
+    }
+    found = sweep(study, tmp_path)
+    assert found.failed == 0
+    assert found.records == ("the closed loop looks at samples",) * 2
+    assert found.values["verdict.explained"][:, 0].tolist() == [1.0, 0.0]
+    assert found.values["verdict.nothing_missing"][:, 0].tolist() == [0.0, 1.0]
+    high, std = (getattr(found, what)["verdict.saturation@output.high"][:, 0] for what in ("values", "std"))
+    assert abs(high[0] - 0.8) < 4 * std[0]
+    assert np.isnan(high[1])
+    assert found.values["verdict.after.rms"][0, 0] < 0.5 * found.values["verdict.before.rms"][0, 0]
+    shown = {row[2] for row in replace(found, expect=()).table().rows}
+    assert {"verdict.explained", "verdict.saturation@output.high"} <= shown
+    assert found.exit_code == 0
+
+
+def test_a_sweep_over_a_study_with_tables_runs_the_study(tmp_path):
+    over = ["sweep={over: {plant.noise.std: [0.5]}, repeats: 1}", "identify.whole_record=false", "identify.orders=[2, 2]"]
+    found = sweep("configs/brouri2019/table-4-1.yaml", tmp_path, over)
+    assert found.failed == 0
+    assert found.exit_code == 0
+    assert abs(found.values["front.gain@0.02"][0, 0] - found.truth["front.gain@0.02"][0]) < 0.003

@@ -138,6 +138,15 @@ class Result:
         return judged(self.checks)
 
 
+def at_frequency(metric: str) -> bool:
+    """Tell whether a metric is one of a single frequency, of which there are many.
+
+    >>> at_frequency("joint.back.gain@0.02"), at_frequency("verdict.friction@parallel.coefficient")
+    (True, False)
+    """
+    return re.search(r"@[\d.]+(e[+-]?\d+)?$", metric) is not None
+
+
 def snake_case(name: str) -> str:
     """Return a class name as a stage's name.
 

@@ -70,7 +70,7 @@ def doubts(model: Model, metrics: Metrics) -> Iterator[str]:
 def units(metric: str) -> str:
     """Return the unit of a metric."""
     if metric.endswith(".rms"):
-        return "output" if metric.count(".") == 1 else "1"
+        return "output" if metric.count(".") == 1 or metric.startswith("verdict.") else "1"
     return "rad" if ".phase" in metric else "%" if metric.endswith(".fit") else "1"
 
 
@@ -93,11 +93,19 @@ def true_value(system: System, metric: str) -> float:
     >>> round(true_value(lag, "joint.front.gain@1"), 4), true_value(lag, "report.rms")
     (0.7071, nan)
     """
-    found = re.fullmatch(r"(?:\w+\.)?(front|back)\.(gain|phase)@(.+)", metric)
-    if not found:
-        return float("nan")
-    g = complex(linear_gain(system, found[1], np.array([float(found[3])]))[0])
-    return abs(g) if found[2] == "gain" else float(np.angle(g))
+    return true_values(system, [metric])[0]
+
+
+def true_values(system: System, metrics: Sequence[str]) -> list[float]:
+    """Return the same of many metrics, each block asked once."""
+    found = [re.fullmatch(r"(?:\w+\.)?(front|back)\.(gain|phase)@(.+)", metric) for metric in metrics]
+    values = [float("nan")] * len(metrics)
+    for side in ("front", "back"):
+        here = [k for k, match in enumerate(found) if match and match[1] == side]
+        gains = linear_gain(system, side, np.array([float(found[k][3]) for k in here]))  # type: ignore[index]
+        for k, g in zip(here, gains, strict=True):
+            values[k] = float(abs(g) if found[k][2] == "gain" else np.angle(g))  # type: ignore[index]
+    return values
 
 
 def _split(system: System) -> bool:
@@ -117,6 +125,17 @@ def linear_response(system: System, omega: Floats) -> NDArray[np.complex128]:
             product = product * block.gain_at(omega)
             static *= complex(block.gain_at(np.zeros(1))[0])
     return np.asarray(product / static)
+
+
+def _held(system: System, levels: Floats, dt: float) -> Floats:
+    """Return the steady output at every level: all at once where the chain is linear and static blocks with a gain."""
+    x = levels
+    for block in system.chain:
+        gain = float(block.gain_at(np.zeros(1))[0].real) if isinstance(block, Linear) else 1.0
+        if not isinstance(block, (Linear, Static)) or not np.isfinite(gain):
+            return np.array([system.tree.steady(float(u), dt)[0] for u in levels])
+        x = block.value(x) if isinstance(block, Static) else gain * x
+    return x
 
 
 def _without_memory(system: System, reach: tuple[float, float], truth: System) -> Floats:
@@ -157,7 +176,7 @@ def _against(
         levels = _without_memory(system, reach, truth)
     if len(levels):
         dt = records[0].dt
-        ours, true = (np.array([s.tree.steady(float(u), dt)[0] for u in levels]) for s in (system, truth))
+        ours, true = (_held(s, levels, dt) for s in (system, truth))
         span = float(np.ptp(true)) or 1.0
         yield "nonlinearity.error.max", float(np.abs(ours - true).max() / span)
         yield "nonlinearity.error.rms", rms(ours - true) / span

@@ -15,7 +15,7 @@ from whid.blocks.polynomial import Polynomial
 from whid.kinds import plain
 from whid.quantity import Cell, Measured, Table
 from whid.record import Record
-from whid.result import Check, Result
+from whid.result import Check, Result, at_frequency
 from whid.tables import in_units, markdown
 
 USES = ("estimation", "selection", "report")
@@ -199,8 +199,9 @@ def _fit(result: Result) -> Table:
 
 
 def _metrics(result: Result) -> Table:
-    shown = {name: value for name, value in result.metrics.items() if name.split(".")[0] not in USES and "@" not in name}
-    single = [name for name in result.metrics if "@" in name]
+    single = [name for name in result.metrics if at_frequency(name)]
+    told = {*USES, "verdict"}  # in tables of their own
+    shown = {name: m for name, m in result.metrics.items() if name.split(".")[0] not in told and not at_frequency(name)}
     notes = (
         (f"{len(single)} gains and phases at single frequencies, such as `{single[0]}`: in result.h5, --json",)
         if single

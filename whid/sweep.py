@@ -26,7 +26,7 @@ from whid.files.source import locate
 from whid.files.sweep_file import KEPT, read_sweep, write_sweep
 from whid.quantity import Measured
 from whid.result import Result
-from whid.score import true_value, units
+from whid.score import true_values, units
 from whid.simulate import Clean
 from whid.sweep_bound import bounds
 from whid.sweep_result import SweepResult, gathered
@@ -61,7 +61,7 @@ def sweep(
     if study.sweep is None:
         raise WhidError("sweep-missing", "this study has no `sweep:` section")
     cells = [dict(zip(study.sweep.over, values, strict=True)) for values in combinations(study.sweep)]
-    studies = list(load_variants(config, [[*overrides, *_settings(chosen)] for chosen in cells]))  # all faults come first
+    studies = list(load_variants(config, overrides, [_settings(chosen) for chosen in cells]))  # all faults come first
     base = Path(config).parent if isinstance(config, (str, Path)) else Path()
     origin = provenance(resolved(study), [locate(source.file, base) for source in study.sources])
     stem = run_folder.stem(f"{study.name}-sweep", origin["hash"])
@@ -69,7 +69,8 @@ def sweep(
         return replace(load(done), reused=True)
     tasks = len(cells) * study.sweep.repeats
     with Journal(Path(out) / f"{stem}{UNFINISHED}", origin["hash"], origin["config"], tasks) as journal:
-        groups = _groups(studies, cells, base, study.sweep.repeats, journal.places())
+        shared = [(each, base, study.sweep.full_records) for each in studies]
+        groups = _groups(shared, cells, study.sweep.repeats, journal.places())
         run = _engine(jobs, executor, scheduler)
         _perform(run, groups, journal, tasks, watch, fail_fast)
         over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
@@ -86,8 +87,10 @@ def _judged(found: SweepResult, studies: Sequence[Study]) -> SweepResult:
     names = [name for name in found.values if "@" in name]
     if studies[0].plant is None or not names:
         return found
-    truth = {name: np.array([true_value(s.plant, name) for s in studies if s.plant]) for name in names}
-    known = {name: column for name, column in truth.items() if np.isfinite(column).all()}
+    plants = {s.plant.chain: s.plant for s in studies if s.plant}  # a noise sweep has one
+    truths = {chain: np.array(true_values(plant, names)) for chain, plant in plants.items()}
+    columns = np.array([truths[s.plant.chain] for s in studies if s.plant]).T
+    known = {name: column for name, column in zip(names, columns, strict=True) if np.isfinite(column).all()}
     return replace(found, truth=known, bound=bounds(studies, tuple(known)))
 
 
@@ -124,13 +127,11 @@ def _settings(chosen: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"{path}={json.dumps(value)}" for path, value in chosen.items())
 
 
-def _groups(
-    studies: Sequence[Study], cells: Sequence[Mapping[str, Any]], base: Path, repeats: int, done: set[Place]
-) -> list[Group]:
+def _groups(shared: Sequence[Any], cells: Sequence[Mapping[str, Any]], repeats: int, done: set[Place]) -> list[Group]:
     """Return what is still to do: a group a cell, a spawn key a repeat."""
     return [
-        Group((study, base), tuple((r, key(chosen, r)) for r in range(repeats) if (c, r) not in done))
-        for c, (study, chosen) in enumerate(zip(studies, cells, strict=True))
+        Group(own, tuple((r, key(chosen, r)) for r in range(repeats) if (c, r) not in done))
+        for c, (own, chosen) in enumerate(zip(shared, cells, strict=True))
     ]
 
 
@@ -158,18 +159,16 @@ def _perform(
                 raise WhidError("sweep-failed", f"{each.error} ({count} of {tasks} finished, all of them kept)")
 
 
-def repeats(shared: tuple[Study, Path], tasks: Sequence[tuple[int, tuple[int, ...]]]) -> list[Outcome]:
-    """Run repeats of one cell in memory; a fault is an outcome, not the end of the sweep."""
-    study, base = shared
-    why, clean = _records(study), Clean()
+def repeats(shared: tuple[Study, Path, bool], tasks: Sequence[tuple[int, tuple[int, ...]]]) -> list[Outcome]:
+    """Run repeats of one cell in memory, on full records if so asked; a fault is an outcome, not the end of the sweep."""
+    study, base, full = shared
+    why, clean = "asked for" if full else _records(study), Clean()
     seeds = [np.random.SeedSequence(study.seed, spawn_key=spawn_key) for _, spawn_key in tasks]
     return [_outcome(flow.execute(study, base, s, clean) if why else flow.execute_drawn(study, s), why) for s in seeds]
 
 
 def _records(study: Study) -> str:
     """Return why repeats need whole records, "" where their statistics are drawn."""
-    if study.sweep and study.sweep.full_records:
-        return "asked for"
     try:
         return flow.records_needed(study)
     except WhidError as fault:  # the repeats will say so themselves

@@ -15,12 +15,12 @@ from whid.config.study import Bound, Study
 from whid.errors import FAILED
 from whid.files.journal import Outcome, Place
 from whid.quantity import Cell, Measured, Table
-from whid.result import Check, judged
+from whid.result import Check, at_frequency, judged
 from whid.signal import Floats
 from whid.tables import cell as as_text
 
 QUANTILES = (0.05, 0.5, 0.95)
-ERRORS = (".error.max", ".error.rms", ".rms")  # metrics that are errors themselves: their RMSE is about 0
+ERRORS = (".error.max", ".error.rms")  # metrics that are errors themselves: their RMSE is about 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +84,14 @@ class SweepResult:
         RMSE is about the truth of a simulated plant, of metrics that are errors about 0; empty where neither is known.
         """
         named = list(dict.fromkeys([*metrics, *(bound.metric for bound in self.expect)]))
-        chosen = named or [name for name in self.values if "@" not in name]
-        summed = {name: _summary(self.values[name], self._target(name)) for name in chosen if name in self.values}
-        failed = (self.errors != "").sum(axis=1)
-        rows = [
-            (*place, name, *(summed[name].row(c) if name in summed else _NOTHING), int(failed[c]))
-            for c, place in enumerate(self._places())
+        chosen = named or [name for name in self.values if not at_frequency(name)]
+        nothing = [_NOTHING] * len(self.errors)
+        summed = {
+            name: _summary(self.values[name], self._target(name)).rows() if name in self.values else nothing
             for name in chosen
-        ]
+        }
+        failed = (self.errors != "").sum(axis=1).tolist()
+        rows = [(*place, name, *summed[name][c], failed[c]) for c, place in enumerate(self._places()) for name in chosen]
         quantiles = tuple(f"{q:.0%}" for q in QUANTILES)
         columns = (*self.over, "metric", "mean ± its error", "sd", "RMSE", *quantiles, "n", "failed")
         return Table(f"Sweep {self.name}", columns, tuple(rows), self._made())
@@ -124,20 +124,17 @@ class _Summary(NamedTuple):
     rmse: Floats
     quantiles: Floats  # (quantiles, cells)
 
-    def row(self, c: int) -> tuple[Cell, ...]:
-        n = int(self.n[c])
-        error = self.sd[c] / np.sqrt(max(n, 1))
-        return (
-            Measured(float(self.mean[c]), float(error)), float(self.sd[c]), _known(self.rmse[c]),
-            *(float(q) for q in self.quantiles[:, c]), n,
-        )  # fmt: skip
+    def rows(self) -> list[tuple[Cell, ...]]:
+        """Return a row a cell."""
+        error = self.sd / np.sqrt(np.maximum(self.n, 1))
+        columns = [x.tolist() for x in (self.mean, error, self.sd, self.rmse, *self.quantiles, self.n)]
+        return [
+            (Measured(mean, of), sd, rmse if rmse == rmse else None, *rest)
+            for mean, of, sd, rmse, *rest in zip(*columns, strict=True)
+        ]
 
 
 _NOTHING: tuple[Cell, ...] = (None, None, None, *(None for _ in QUANTILES), 0)
-
-
-def _known(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
 
 
 def _summary(values: Floats, target: Floats) -> _Summary:

@@ -33,18 +33,28 @@ def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides
 
 
 def load_variants(
-    source: str | pathlib.Path | Mapping[str, Any] | Study, variants: Sequence[Sequence[str]]
+    source: str | pathlib.Path | Mapping[str, Any] | Study, overrides: Sequence[str], variants: Sequence[Sequence[str]]
 ) -> Iterator[Study]:
-    """Yield the study under one list of overrides after another; the text is parsed once, every variant is judged whole.
+    """Yield the study, without its `sweep:`, under overrides and one list of further ones after another.
+
+    The text is parsed once, every variant is judged whole; raises `Faults`. A variant does not carry the lists that make a
+    sweep: thousands of cells would have thousands of values each.
 
     >>> study = {"name": "a", "data": {"file": "a.csv", "dt": 1, "columns": {"input": "u", "output": "y"}},
     ...          "identify": {"kind": "fit"}}
-    >>> [each.seed for each in load_variants(study, [["seed=1"], ["seed=2"]])]
+    >>> [each.seed for each in load_variants(study, [], [["seed=1"], ["seed=2"]])]
     [1, 2]
     """
     document = _document(source)
-    for overrides in variants:
-        yield study_of(copy.deepcopy(document), overrides)
+    for override in overrides:
+        _override(document, override)
+    if isinstance(document.value, dict):
+        document.value.pop("sweep", None)
+        for places in (document.places, document.keys):
+            for path in [path for path in places if path[:1] == ("sweep",)]:
+                del places[path]
+    for settings in variants:
+        yield study_of(copy.deepcopy(document), settings)
 
 
 def names_key(path: str | pathlib.Path, key: str) -> bool:

@@ -114,21 +114,28 @@ def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
     parameters = [Parameter(str(k), float(start.values[k])) for k in free]
     parameters += [Parameter(f"knot.{k}", float(layout.knots[k]), "1", float(low[k]), float(high[k])) for k in kinks]
 
-    def unpack(theta: Floats) -> tuple[Floats, Floats]:
+    known: dict[bytes, tuple[Floats, Floats]] = {}
+
+    def unpacked(theta: Floats) -> Floats:
         knots = layout.knots.copy()
         knots[kinks] = theta[len(free) :]
-        return _continued(layout, free, theta[: len(free)], knots)[0], knots
+        return knots
 
-    def residual(theta: Floats) -> Floats:
-        coefficients, knots = unpack(theta)
-        return np.asarray(layout.design(knots) @ coefficients - layout.mean)
+    def linearised(theta: Floats) -> tuple[Floats, Floats]:
+        key = theta.tobytes()
+        if key not in known:
+            known.clear()
+            knots = unpacked(theta)
+            coefficients, change = _continued(layout, free, theta[: len(free)], knots)
+            design = layout.design(knots)
+            known[key] = design @ coefficients - layout.mean, design @ change
+        return known[key]
 
-    def tangent(theta: Floats) -> Floats:
-        _, knots = unpack(theta)
-        return np.asarray(layout.design(knots) @ _continued(layout, free, theta[: len(free)], knots)[1])
-
-    found = least_squares(residual, tangent, parameters, layout.weight, max_iterations=iterations)
-    _, knots = unpack(found.values)
+    found = least_squares(
+        lambda theta: linearised(theta)[0], lambda theta: linearised(theta)[1], parameters, layout.weight,
+        max_iterations=iterations,
+    )  # fmt: skip
+    knots = unpacked(found.values)
     cuts = layout.cuts.copy()
     cuts[kinks] = np.searchsorted(layout.z, knots[kinks], side="right").clip(1, len(layout.z) - 1)
     coefficients, change = _continued(layout, free, found.values[: len(free)], knots)
@@ -157,8 +164,9 @@ def _continued(layout: Layout, free: NDArray[np.intp], values: Floats, knots: Fl
         row = -difference(knots[k : k + 1], middle - left, right - middle)[0]
         coefficients[middle] = row @ coefficients[left:right]
         change[middle] = row @ change[left:right]
-        slopes = [poly.polyval(knots[k], poly.polyder(coefficients[a:b])) for a, b in ((left, middle), (middle, right))]
-        change[middle, column] += slopes[0] - slopes[1]
+        power = np.concatenate([np.arange(middle - left), np.arange(right - middle)])
+        slopes = power * knots[k] ** np.maximum(power - 1, 0) * coefficients[left:right]
+        change[middle, column] += slopes[: middle - left].sum() - slopes[middle - left :].sum()
     return coefficients, change
 
 

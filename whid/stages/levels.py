@@ -79,13 +79,15 @@ def level_means(
     for h in np.flatnonzero(~whole):
         variance[h] = noise.variance_of_masked_mean(np.isfinite(settled[h]))
     quantum = quantum_of(np.concatenate(settled))
-    spread = np.array([np.nanstd(y, ddof=1) for y in settled])
     drift, drift_variance = _drift(settled), 2 * noise.variance_of_mean(np.maximum(count // 2, 1)) * noise.scale
     drifting = _drifting(drift**2, drift_variance)
-    std = np.sqrt(variance * noise.scale + quantisation_variance(spread, quantum) + np.where(drifting, drift**2, 0.0))
+    coarse: float | Floats = 0.0
+    if quantum:
+        coarse = quantisation_variance(np.array([np.nanstd(y, ddof=1) for y in settled]), quantum)
+    std = np.sqrt(variance * noise.scale + coarse + np.where(drifting, drift**2, 0.0))
     return StaticCurve(
         np.asarray(level, float)[kept],
-        np.array([np.nanmean(y) for y in settled]),
+        np.array([_mean(y) for y in settled]),
         std,
         np.asarray(direction, float)[kept],
         count,
@@ -110,7 +112,14 @@ def _drifting(square: Floats, variance: Floats) -> NDArray[np.bool_]:
 
 def _drift(holds: Sequence[Floats]) -> Floats:
     """Return the mean of the second half minus that of the first, 0 where a half is missing."""
-    halves = [(y[: len(y) // 2], y[len(y) // 2 :]) for y in holds]
-    return np.array(
-        [np.nanmean(b) - np.nanmean(a) if min(np.isfinite(a).sum(), np.isfinite(b).sum()) else 0.0 for a, b in halves]
-    )
+    halves = [(_mean(y[: len(y) // 2]), _mean(y[len(y) // 2 :])) for y in holds]
+    return np.array([b - a if np.isfinite(b - a) else 0.0 for a, b in halves])
+
+
+def _mean(y: Floats) -> float:
+    """Return the mean of what is there, NaN where nothing is."""
+    mean = float(y.mean()) if len(y) else float("nan")
+    if np.isfinite(mean):
+        return mean
+    there = y[np.isfinite(y)]
+    return float(there.mean()) if len(there) else float("nan")

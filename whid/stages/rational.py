@@ -158,8 +158,9 @@ class _Search:
         self.seen: dict[Orders, _Fitted] = {}  # the best of what counts
 
     def climb(self, highest: tuple[int, int]) -> _Fitted:
-        """Grow from the best of one and two poles in each block, or shrink, while a neighbour is better."""
+        """Grow from the best of one and two poles in each block, one with a zero, or shrink, while a neighbour is better."""
         first = [(0, n, 0, j) for n in (1, 2) for j in (1, 2) if n <= highest[0] and j <= highest[1]]
+        first += [(1, 2, 0, 1), (0, 1, 1, 2)] if min(highest) > 1 else []
         first = first or [(0, n, 0, 0) for n in (1, 2) if n <= highest[0]]
         self.race(first, self.first_starts)
         best = min((self.best_of(o, self.first_starts(o)) for o in first), key=lambda f: f.bic)

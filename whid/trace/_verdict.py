@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from whid.quantity import Measured, Quantity, Table
 from whid.tables import jsonable
@@ -114,6 +114,22 @@ class Verdict(NamedTuple):
         notes = (self.sentence, f"errors {where}; noise floor {self.floor:.4g}, {self.floor_from}", *self.doubts())
         columns = ("model", "gain, nat", "rms, output", "nrmse", "fit, %", "over the noise floor")
         return Table("Verdict", columns, rows, notes)
+
+    def metrics(self) -> dict[str, float | Measured]:
+        """Return what bounds and sweeps count: 1 for the word, 0 for the others; the errors; every effect's numbers.
+
+        verdict.explained …, verdict.before.rms, verdict.after.over_floor …, verdict.friction@parallel.coefficient …
+        """
+        found: dict[str, float | Measured] = {
+            f"verdict.{word.replace(' ', '_')}": float(word == self.verdict) for word in get_args(Word)
+        }
+        for side, errors in (("before", self.before), ("after", self.after)):
+            found[f"verdict.{side}.rms"] = Measured(float(errors.rms), float(_half(errors)))
+            found |= {f"verdict.{side}.{name}": float(getattr(errors, name)) for name in ("nrmse", "fit", "over_floor")}
+        for effect in self.effects:
+            for name, value in effect.parameters.items():
+                found[f"verdict.{effect.name}.{name}"] = Measured(float(value), float(effect.std.get(name, float("nan"))))
+        return found
 
 
 def _half(errors: Errors) -> float:
