@@ -76,6 +76,16 @@ class RationalResponse(NamedTuple):
         return top / bottom, slopes
 
 
+class _At(NamedTuple):
+    """Where each of the D data stands in the arrays of inner harmonics, flattened."""
+
+    sine: Ints
+    order: Ints
+    highest: int
+    datum: Ints  # (D,) in (sine, harmonic)
+    coefficient: Ints  # (D, coefficients) in (sine, harmonic, piece, power)
+
+
 @dataclass(frozen=True, eq=False)
 class ChainFit:
     """Residuals and tangents of H_k = A_k(|x|)·e^{jk arg x}·G_back(jkω), x = phasor·G_front(jω), and of f at the levels.
@@ -169,47 +179,71 @@ class ChainFit:
 
         θ (…, P) of all parameters; residual (…, m), tangent (…, m, P).
         """
-        r, s, (e, k) = self.responses, self.static, self._present
+        r, s, at, turning = self.responses, self.static, self._at, self._turning
         of_f, of_breaks, of_front, of_back = self._slices
-        batch, place, turning = theta.shape[:-1], self._back_place, self._turning
+        batch, n, m = theta.shape[:-1], len(s.level), len(turning)
         coefficients, breaks = np.zeros((*batch, *s.coefficients.shape)), np.empty((*batch, len(s.breaks)))
         coefficients[..., self._places[0], self._places[1]] = theta[..., of_f]
         breaks[...] = s.breaks
         breaks[..., list(self._free)] = theta[..., of_breaks]
         front, d_front = self.front(theta[..., of_front])
         back, d_back = self.back(theta[..., of_back])
-        x = r.phasor * front[..., self._front_place]
+        x = r.phasor * front.take(self._front_place, axis=-1)
         size = np.abs(x)
-        inner = inner_harmonics(breaks, coefficients, r.offset, size, int(k.max()))
-        turn = (x / size)[..., e] ** k
-        beyond = np.where(turning, back[..., place], 1.0) * turn
-        of_data = np.empty((*batch, len(e), len(self._spread)), complex)
-        by_f = inner.by_coefficient[..., e, k, :, :][..., self._places[0], self._places[1]]
-        of_data[..., of_f] = beyond[..., None] * by_f
-        of_data[..., of_breaks] = beyond[..., None] * inner.by_break[..., e, k, :][..., list(self._free)]
-        zeta, value = d_front[..., self._front_place[e], :], inner.value[..., e, k]
-        stretched = size[..., e] * inner.by_amplitude[..., e, k]
-        of_data[..., of_front] = beyond[..., None] * (
-            stretched[..., None] * zeta.real + 1j * (k * value)[..., None] * zeta.imag
-        )
+        inner = inner_harmonics(breaks, coefficients, r.offset, size, at.highest)
+        turn = (x / size).take(at.sine, axis=-1) ** at.order
+        beyond = np.where(turning, back.take(self._back_place, axis=-1), 1.0) * turn
+        value = inner.value.reshape(*batch, -1).take(at.datum, axis=-1)
+        stretched = size.take(at.sine, axis=-1) * inner.by_amplitude.reshape(*batch, -1).take(at.datum, axis=-1)
         model = value * beyond
-        of_data[..., of_back] = np.where(turning, model, 0.0)[..., None] * d_back[..., place, :]
-        gap, n = model - r.value[e, k], len(s.level)
-        piece = (breaks[..., None, :] <= s.level[:, None]).sum(axis=-1)
-        tangent = np.zeros((*batch, n + len(e) + int(turning.sum()), len(self._spread)))
-        tangent[..., :n, of_f] = np.where(piece[..., None] == self._places[0], self._level_powers, 0.0)
-        tangent[..., n : n + len(e), :], tangent[..., n + len(e) :, :] = of_data.real, of_data.imag[..., turning, :]
+        of_data = np.empty((*batch, m, len(self._spread)), complex)
+        of_data[..., of_f] = beyond[..., None] * inner.by_coefficient.reshape(*batch, -1).take(at.coefficient, axis=-1)
+        if self._free:
+            by_break = inner.by_break.reshape(*batch, -1, len(s.breaks)).take(at.datum, axis=-2)
+            of_data[..., of_breaks] = beyond[..., None] * by_break.take(self._free, axis=-1)
+        zeta = d_front.take(self._front_place[at.sine], axis=-2)
+        of_front_data = of_data[..., of_front]
+        np.multiply((beyond * stretched)[..., None], zeta.real, out=of_front_data)
+        of_front_data += (1j * at.order * model)[..., None] * zeta.imag
+        of_data[..., of_back] = np.where(turning, model, 0.0)[..., None] * d_back.take(self._back_place, axis=-2)
+        tangent = np.zeros((*batch, n + m + int(turning.sum()), len(self._spread)))
+        tangent[..., :n, of_f] = self._level_rows(breaks)
+        tangent[..., n : n + m, :], tangent[..., n + m :, :] = of_data.real, of_data.imag[..., turning, :]
+        gap = model - self._measured
         levels = (tangent[..., :n, of_f] @ theta[..., of_f, None])[..., 0] - s.mean
         return np.concatenate([levels, gap.real, gap.imag[..., turning]], axis=-1), tangent
+
+    def _level_rows(self, breaks: Floats) -> Floats:
+        """Return f at the levels, by its coefficients, (…, L, coefficients)."""
+        if not self._free:
+            return self._fixed_rows
+        return self._rows(breaks)
+
+    def _rows(self, breaks: Floats) -> Floats:
+        piece = (breaks[..., None, :] <= self.static.level[:, None]).sum(axis=-1)
+        powers = self.static.level[:, None] ** self._places[1]
+        return np.where(piece[..., None] == self._places[0], powers, 0.0)
+
+    @cached_property
+    def _fixed_rows(self) -> Floats:
+        return self._rows(self.static.breaks)
+
+    @cached_property
+    def _measured(self) -> Complexes:
+        return np.asarray(self.responses.value[self._present])
+
+    @cached_property
+    def _at(self) -> _At:
+        e, k = self._present
+        highest, (pieces, size) = int(k.max()), self.static.coefficients.shape
+        datum = e * (highest + 1) + k
+        piece, power = self._places
+        return _At(e, k, highest, datum, (datum[:, None] * pieces + piece) * size + power)
 
     @cached_property
     def _weights(self) -> Floats:
         std = self.responses.value_std[self._present]
         return np.asarray(1 / np.concatenate([self.static.mean_std, std, std[self._turning]]))
-
-    @cached_property
-    def _level_powers(self) -> Floats:
-        return np.asarray(self.static.level[:, None] ** self._places[1])
 
     @cached_property
     def _places(self) -> tuple[Ints, Ints]:
@@ -258,10 +292,10 @@ class ChainFit:
 
     @cached_property
     def _back_place(self) -> Ints:
-        """Where each datum's kω stands among the frequencies of back; −1 for the mean, whose gain is 1."""
+        """Where each datum's kω stands among the frequencies of back; of the mean, whose gain is 1, anywhere."""
         omegas = frequencies(self.responses)[1]
         return np.array(
-            [nearest(omegas, k * self.responses.omega[e]) if k else -1 for e, k in zip(*self._present, strict=True)]
+            [nearest(omegas, k * self.responses.omega[e]) if k else 0 for e, k in zip(*self._present, strict=True)]
         )
 
 

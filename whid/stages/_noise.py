@@ -135,7 +135,9 @@ def _lost(shapes: Sequence[Floats], covariance: Floats, lags: int) -> Floats:
     total = np.zeros(lags)
     known: dict[int, Floats] = {}
     for q in shapes:
-        if id(q) not in known:
+        if id(q) not in known and not covariance[1:].any():  # Γ = γ₀: both traces are those of Q's own products
+            known[id(q)] = covariance[0] * np.sum([_lagged(column, lags) for column in q.T], axis=0)
+        elif id(q) not in known:
             smoothed = _toeplitz(covariance, q) * np.any(q != 0, axis=1)[:, None]
             both = _correlation(q, smoothed, lags) + _correlation(smoothed, q, lags)
             inner = np.einsum("kij,ji->k", _correlation(q, q, lags), q.T @ smoothed)
@@ -182,6 +184,8 @@ def _extended(ar: Floats, innovation: float, lags: int) -> Floats:
     """Return the autocovariance of an autoregression to any lag: ψ ⋆ ψ of its impulse response."""
     from scipy.signal import lfilter
 
+    if not len(ar):
+        return np.append(innovation, np.zeros(lags - 1))
     pulse = np.zeros(_fast(max(2 * lags, 64)))
     pulse[0] = 1.0
     response = lfilter([1.0], np.append(1.0, -ar), pulse)
