@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from whid.signal import Floats
@@ -41,7 +40,10 @@ def _costs(z: Floats, mean: Floats, std: Floats, max_degree: int, price: float) 
         local = z[rows] - z[rows].mean(axis=1, keepdims=True)
         local /= np.maximum(np.abs(local).max(axis=1, keepdims=True), 1e-300)
         weight = 1 / std[rows]
-        basis = np.linalg.qr(legendre.legvander(local, degree) * weight[:, :, None])[0]
+        columns = [weight]
+        for _ in range(degree):
+            columns.append(columns[-1] * local)
+        basis = np.linalg.qr(np.stack(columns, axis=-1))[0]
         left = (mean[rows] - mean[rows].mean(axis=1, keepdims=True)) * weight
         totals = np.empty((degree + 1, len(rows)))
         for d in range(degree + 1):  # subtract one direction at a time: no cancellation of large sums

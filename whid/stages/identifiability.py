@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -60,6 +61,15 @@ def identifiability(
     >>> report.rank, len(report.unknown), report.paper_rank, report.paper_unknowns
     (6, 8, 8, 9)
     """
+    every = tuple(tuple(int(k) for k in ks) for ks in orders)
+    return _report(tuple(float(w) for w in omega), every, paper_degree, wanted)
+
+
+@lru_cache(maxsize=32)  # repeats of one plan ask the same
+def _report(
+    omegas: tuple[float, ...], orders: tuple[tuple[int, ...], ...], paper_degree: int, wanted: int | None
+) -> Identifiability:
+    omega = np.array(omegas)
     names, matrix, groups = phase_system(omega, orders)
     paper_names, paper_matrix, _ = phase_system(omega, [range(1, paper_degree + 1)] * len(omega))
     rank = int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
