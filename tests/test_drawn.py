@@ -1,9 +1,11 @@
 """Drawn statistics are those of records: line by line, in distribution, and in what a sweep reports."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy import stats
 
 from tests import design_p
@@ -11,6 +13,7 @@ from tests.test_sweep import STUDY
 from whid import drawn
 from whid.blocks.linear import Linear
 from whid.blocks.piecewise import Piecewise
+from whid.cli import main
 from whid.config.load import load_study
 from whid.disturbances.ar import Ar
 from whid.disturbances.process import Process
@@ -22,7 +25,7 @@ from whid.flow import records_needed
 from whid.methods._statistics import OfRecords
 from whid.simulate import simulate
 from whid.stages.periods import harmonics
-from whid.sweep import sweep
+from whid.sweep import load, sweep
 from whid.system import System
 
 STD, SETTLE = 0.05, 3.0
@@ -149,8 +152,11 @@ def test_a_sweep_says_which_was_used_and_full_records_forces_the_other(tmp_path)
     again = sweep(study, tmp_path / "a")
     assert again.reused
     assert again.table().notes == fast.table().notes
-    full = sweep(study, tmp_path / "a", ["sweep.full_records=true"])
-    assert not full.reused
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(study))
+    told = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "a"), "--full-records", "--json"])
+    full = load(json.loads(told.stdout)["path"])
+    assert not json.loads(told.stdout)["reused"]
     assert full.table().notes == ("records: full, because asked for",)
     assert "estimation.rms" in full.values
     mixed = sweep(study, tmp_path / "b", ["sweep.over={plant.noise.kind: [white], plant.noise.std: [0.01, 300]}"])
