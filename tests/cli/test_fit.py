@@ -87,3 +87,25 @@ def test_without_a_model_it_says_so(whid, study):
     done = whid("fit", study)
     assert done.exit_code == 2
     assert "fit-no-model" in done.stderr
+
+
+def test_a_known_block_is_kept_and_tied_numbers_are_one(whid, study):
+    """`identify: {kind: fit}` in the config, with everything that it takes there."""
+    declared = STUDY.replace("low: -0.3, high: 0.5, fix: [slope]}", "low: -0.4, high: 0.7, fix: true}\n    - LAG")
+    declared = declared.replace("- LAG", "- {kind: linear, num: [1.0], den: [0.7, 1.0], fix: [num, den.1]}")
+    declared = declared.replace(
+        "high: 0.7}\n  noise", "high: 0.7}\n    - {kind: linear, num: [1.0], den: [0.5, 1.0]}\n  noise"
+    )
+    declared = declared.replace("fix: [num]}", "fix: [num, den.1]}")
+    kind = "{kind: fit, tied: [[chain.0.den.0, chain.2.den.0]], noise: ar, steps: 30}"
+    study.write_text(declared.replace("{kind: wiener_hammerstein}", kind))
+    done = whid("run", study, "--json")
+    assert done.exit_code == 0, done.output
+    model = flow.load(json.loads(done.stdout)["path"]).model
+    assert model.estimate.names == ("chain.0.den.0", "chain.2.den.0")
+    assert model.estimate.values[0] == model.estimate.values[1] == pytest.approx(0.5, abs=5 * model.estimate.std[0])
+    assert (model.system.chain[1].low, model.system.chain[1].high) == (-0.4, 0.7)
+    study.write_text(declared.replace("{kind: wiener_hammerstein}", kind.replace("chain.2.den.0", "chain.9.den.0")))
+    wrong = whid("run", study)
+    assert wrong.exit_code != 0
+    assert "chain.9.den.0" in wrong.output + wrong.stderr

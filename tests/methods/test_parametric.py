@@ -1,5 +1,7 @@
 """Filter, curve, filter from noise and from a multisine: simulated plants of known structure, to their noise floor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,39 @@ def test_orders_and_structure_searched(chain, side, intersample, seed):
     print(f"report rms over noise {error / std:.4f}", kinds)
     assert within(error, std, 1.05)
     assert kinds.index("spline") == side or len(kinds) == 3
+
+
+def short_record(chain, samples, seed, relative):
+    """A short record to fit, and 4000 samples more to judge by."""
+    rng, count = np.random.default_rng(seed), samples + SAMPLES - REPORT
+    u = NoiseBand(band=(0.0, 0.35), std=1.0, duration_s=count * DT).input(DT, rng)
+    blank = Record(u=u, y=np.zeros(count), dt=DT, initial="steady")
+    y = predict(Chain(chain=chain), blank)
+    std = relative * float(y.std())
+    parts = (NoiseBand(start=0, stop=samples), NoiseBand(start=samples, stop=count, use="report"))
+    return replace(blank, y=y + std * rng.standard_normal(count), parts=parts), std
+
+
+def check_short(chain, samples, seed, relative, excess):
+    """Some twenty numbers from so few samples: their own errors leave 2 %, and a curve that ends where they do some more."""
+    found, std = short_record(chain, samples, seed, relative)
+    system = list(Parametric()([found.without("report")]))[-1].system
+    error = float(np.sqrt(np.mean((predict(system.tree, found) - found.y)[samples:] ** 2)))
+    print(f"{samples} samples, noise {relative}: report rms over noise {error / std:.4f}", [b.kind for b in system.series])
+    assert within(error, std, excess)
+
+
+def test_a_short_record_without_orders_is_not_overfitted():
+    check_short((FRONT, SOFT), 600, 10_001, 0.2, 1.12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("relative", [0.02, 0.2])
+@pytest.mark.parametrize("samples", [600, 1000])
+@pytest.mark.parametrize("seed", range(50_100, 50_103))
+@pytest.mark.parametrize("chain", [(FRONT, SOFT, BACK), (FRONT, SOFT), (SOFT, BACK)], ids=["wh", "w", "h"])
+def test_short_records_without_orders(chain, samples, seed, relative):
+    check_short(chain, samples, seed, relative, 1.12)
 
 
 def test_band_limited_input_is_oversampled_where_the_curve_is_hard():

@@ -115,6 +115,17 @@ def test_descent_reaches_the_noise_and_its_errors_hold():
     assert np.mean(z**2) < 1 + 4 * np.sqrt(2 / len(z))
 
 
+def test_a_filter_does_not_learn_the_drift_of_its_window():
+    """A lag of four samples and a ramp: with two poles to spend one would settle for half a million samples."""
+    u = noise(400, 9) + 1
+    lag = Filter.of_roots(np.empty(0), np.array([0.8 + 0j]))
+    y = lag.through(u) + np.linspace(0, 1.5, 400) + 0.1 * noise(400, 10)
+    start = Cascade((Filter.of_roots(np.array([0.5 + 0j]), np.array([0.8 + 0j, 0.98])), Polynomial(coefficients=(0.0, 1.0))))
+    found, _ = cascade_fit([Window(u, y, np.arange(400) >= 20)], start, 60)
+    assert found.slowest <= 400
+    assert start.slowest == pytest.approx(-1 / np.log(0.98))
+
+
 def test_windows_count_together():
     w = window()
     halves = [Window(w.u[:3050], w.y[:3050], w.use[:3050]), Window(w.u[3000:], w.y[3000:], np.arange(3000) >= 50)]

@@ -116,6 +116,13 @@ class Cascade(NamedTuple):
         return all(part.stable for part in self.parts if isinstance(part, Filter))
 
     @property
+    def slowest(self) -> float:
+        """Return the longest time constant of the filters, in samples."""
+        radii = [float(np.abs(np.roots(p.den_z)).max(initial=0.0)) for p in self.parts if isinstance(p, Filter)]
+        radius = max(radii, default=0.0)
+        return -1 / float(np.log(radius)) if 0 < radius < 1 else (np.inf if radius else 0.0)
+
+    @property
     def curves(self) -> tuple[Static, ...]:
         """Return the curves in order."""
         return tuple(part for part in self.parts if isinstance(part, Static))

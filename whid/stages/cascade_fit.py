@@ -41,9 +41,13 @@ def cascade_fit(
     """Minimise Σ (y − ŷ)² over all free numbers of a cascade, with a weak prior on the bend of a spline.
 
     Each window starts in the steady state of its first input. The fit stops where no step would be longer than `tolerance`
-    standard errors. The estimate names nothing but the order of the free ones of `Cascade.values`.
+    standard errors. A filter may not settle for longer than the longest window, unless it does at the start: it would learn
+    the drift of that window, and go on with it in every other. The estimate names nothing but the order of the free ones of
+    `Cascade.values`.
     """
     penalty, values, keep = _penalty(windows, start), start.values, start.free
+    longest = float(max(len(window.u) for window in windows))
+    longest = longest if start.slowest <= longest else np.inf
 
     def cascade(theta: Floats) -> Cascade:
         whole = values.copy()
@@ -55,7 +59,7 @@ def cascade_fit(
             trial = cascade(theta)
         except WhidError:  # knots that have passed each other
             return float("inf")
-        if not trial.stable:
+        if not trial.stable or trial.slowest > longest:
             return float("inf")
         with np.errstate(all="ignore"):
             left = sum(float(np.sum(e**2)) for e in errors(windows, trial))
