@@ -77,14 +77,16 @@ def free_state(tree: Block, u: Signal, record: Record, horizon: int = 20_000) ->
     """Return the initial state that explains a record's first samples best, from the steady state of its first input.
 
     min Σ (y − ŷ(x₀))² over the numbers in the tree's state, by differences (a state has few). What the output does not
-    show keeps its start. Rest where the tree has no steady state.
+    show keeps its start. Rest where the tree has no steady state. Report samples have no part in it, where there are others.
     """
     try:
         start = tree.steady(float(u.values[0]), u.dt)[1]
     except WhidError:
         start = tree.step(u[:0])[1]
     numbers, rebuild = _flattened(start)
-    head, known = u[: min(horizon, len(record))], record.mask[:horizon]
+    head = u[: min(horizon, len(record))]
+    closed = (record.mask & ~record.using("report"))[:horizon]
+    known = closed if closed.any() else record.mask[:horizon]
 
     def residual(x: Floats) -> Floats:
         return np.asarray((respond(tree, head, state=rebuild(x))[0] - record.y[: len(head.values)])[known])

@@ -56,7 +56,7 @@ def _faster(look: Look, sites: Sites) -> Iterator[Candidate]:
     if not plain or not sites.nonlinear or sites.system.series_path != "chain.":
         return
     tones = sites.system.chain[len(sites.blocks) :]
-    inner = tuple(_at_rate(block, look.records[0].dt / FACTOR) for block in sites.blocks)
+    inner = tuple(_at_rate(block, float(look.records[0].dt) / FACTOR) for block in sites.blocks)
     system = replace(sites.system, chain=(Oversampled(factor=FACTOR, chain=inner), *tones))
     yield Candidate(system, sites.core, ())
 
