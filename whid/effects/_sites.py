@@ -69,7 +69,7 @@ class Sites:
     @property
     def moving(self) -> bool:
         """Tell whether the declared blocks have a memory."""
-        return not all(_instant(block) for block in self.blocks[slice(*self.core)])
+        return not all(instant(block) for block in self.blocks[slice(*self.core)])
 
     @property
     def looped(self) -> bool:
@@ -80,7 +80,7 @@ class Sites:
     def static(self) -> list[int]:
         """Return the places of the declared static curves."""
         inner = (Static, Parallel)
-        return [k for k in self.nonlinear if isinstance(self.blocks[k], inner) and _instant(self.blocks[k])]
+        return [k for k in self.nonlinear if isinstance(self.blocks[k], inner) and instant(self.blocks[k])]
 
     @property
     def front(self) -> int | None:
@@ -154,6 +154,7 @@ def _linear(block: Block) -> bool:
     return block.kind in DYNAMIC or isinstance(block, Linear) or (bool(inside) and all(_linear(child) for child in inside))
 
 
-def _instant(block: Block) -> bool:
+def instant(block: Block) -> bool:
+    """Tell whether a block has no memory, nor any inside it."""
     inside = block.children()
-    return all(_instant(child) for child in inside) if inside else isinstance(block, Static)
+    return all(instant(child) for child in inside) if inside else isinstance(block, Static)

@@ -9,14 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from whid.blocks._block import Block
-from whid.blocks._static import Static
 from whid.blocks.intersample import Intersample as Course
 from whid.blocks.linear import Linear
 from whid.blocks.oversampled import Oversampled
 from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
-from whid.effects._sites import Sites
+from whid.effects._sites import Sites, instant
 
 FACTOR = 2  # times the record's rate at which a curve between sampled filters acts
 BAND = 0.8  # of half the sampling rate, where the faster filter is to agree with the slower
@@ -52,7 +51,7 @@ class Intersample(Effect):
 
 def _faster(look: Look, sites: Sites) -> Iterator[Candidate]:
     """Yield the chain of sampled filters and static curves at FACTOR times the record's rate."""
-    plain = all(isinstance(b, Static) or (isinstance(b, Linear) and b.dt is not None and b.num) for b in sites.blocks)
+    plain = all(instant(b) or (isinstance(b, Linear) and b.dt is not None and b.num) for b in sites.blocks)
     if not plain or not sites.nonlinear or sites.system.series_path != "chain.":
         return
     tones = sites.system.chain[len(sites.blocks) :]
