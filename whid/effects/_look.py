@@ -70,7 +70,8 @@ class Look:
         """Return ŷ of every record; where its derivatives are not known already, without them, which is cheaper."""
         if "_linearised" in self.__dict__:
             return self._linearised[0]
-        return tuple(respond(self.system.tree, record, self.path) for record in self.records)
+        pairs = zip(self.records, self.past, strict=True)
+        return tuple(respond(self.system.tree, record, self.path, before) for record, before in pairs)
 
     @cached_property
     def errors(self) -> tuple[Floats, ...]:
@@ -170,7 +171,9 @@ class Look:
         head: Block = (
             replace(whole, chain=blocks) if isinstance(whole, Oversampled) and blocks else Chain(chain=blocks or (whole,))
         )
-        return tuple(respond(head, r, self.path) if blocks else np.asarray(r.u, float) for r in self.records)
+        if not blocks:
+            return tuple(np.asarray(r.u, float) for r in self.records)
+        return tuple(respond(head, r, self.path, before) for r, before in zip(self.records, self.past, strict=True))
 
     def _same(self, system: System) -> int:
         """Return with how many blocks of this look's chain another one begins."""
@@ -250,6 +253,10 @@ class _Sampled(Look):
     def basis(self) -> Floats:
         return self.whole.basis
 
+    @property
+    def past(self) -> tuple[Past, ...]:
+        return self.whole.past
+
 
 def _shifted(name: str, by: int) -> str:
     """Return the name of a number in a chain whose first blocks are gone."""
@@ -257,15 +264,15 @@ def _shifted(name: str, by: int) -> str:
     return f"chain.{int(place) - by}.{rest}"
 
 
-def respond(tree: Block, record: Record, path: str) -> Floats:
-    """Return the samples of a tree's response to a record's input, from the record's initial state."""
-    u = input_signal(tree, record, path)
+def respond(tree: Block, record: Record, path: str, before: Past) -> Floats:
+    """Return the samples of a tree's response to a record's input, from the record's initial state or its past."""
+    u = before.joined(input_signal(tree, record, path))
     state = begun(tree, u, record)
-    out = np.empty(len(record))
-    for part in chunks(len(record), tree):
+    out = np.empty(len(u.values))
+    for part in chunks(len(out), tree):
         y, state = tree.step(u[part], state)
         out[part] = y.values
-    return out
+    return out[before.lead :]
 
 
 def begun(tree: Block, u: Signal, record: Record) -> object:
