@@ -66,28 +66,61 @@ def level_means(
     >>> curve.samples, bool(np.all(np.abs(curve.mean - 2) < 3 * curve.mean_std)), curve.mean_std.round(2)
     (array([400, 400, 400, 400, 400]), True, array([0.05, 0.05, 0.05, 0.05, 0.05]))
     """
-    first = int(np.ceil(settle / dt - 1e-9))
-    settled = [np.asarray(hold[first:], float) for hold in holds]
-    count = np.array([np.isfinite(y).sum() for y in settled])
-    kept = np.flatnonzero(count >= min_samples)
-    if not len(kept):
+    first = first_settled(settle, dt)
+    settled = [Held.of(np.asarray(hold[first:], float)) for hold in holds]
+    return curve_of(settled, level, direction, settle, min_samples)
+
+
+def first_settled(settle: float, dt: float) -> int:
+    """Return the first sample that is at or after a settling time."""
+    return int(np.ceil(settle / dt - 1e-9))
+
+
+class Held(NamedTuple):
+    """What is read of one hold, settled."""
+
+    noise: Floats  # samples in a row that tell the noise: all of them, or where they are too many the first
+    samples: int  # of it all, missing ones as well
+    valid: int
+    mean: float
+    drift: float  # mean of the second half minus that of the first, NaN where a half is missing
+    std: float | None  # of one sample; None: that of `noise`
+
+    @classmethod
+    def of(cls, y: Floats) -> Held:
+        """Return it of samples that are all here."""
+        half = len(y) // 2
+        return cls(y, len(y), int(np.isfinite(y).sum()), _mean(y), _mean(y[half:]) - _mean(y[:half]), None)
+
+    @property
+    def spread(self) -> float:
+        """Return the standard deviation of one sample."""
+        return float(np.nanstd(self.noise, ddof=1)) if self.std is None else self.std
+
+
+def curve_of(settled: Sequence[Held], level: Floats, direction: Floats, settle: float, min_samples: int = 8) -> StaticCurve:
+    """Return the static curve of holds that have been read: `level_means` of any length."""
+    kept = [h for h, hold in enumerate(settled) if hold.valid >= min_samples]
+    if not kept:
         raise WhidError("stage-too-short", f"no hold has {min_samples} samples left after a settling time of {settle:.4g} s")
-    settled, count = [settled[h] for h in kept], count[kept]
-    noise = estimate_noise(settled, degree=1)
-    whole = count == np.array([len(y) for y in settled])
-    variance = np.where(whole, noise.variance_of_mean(count), 0.0)
-    for h in np.flatnonzero(~whole):
-        variance[h] = noise.variance_of_masked_mean(np.isfinite(settled[h]))
-    quantum = quantum_of(np.concatenate(settled))
-    drift, drift_variance = _drift(settled), 2 * noise.variance_of_mean(np.maximum(count // 2, 1)) * noise.scale
+    settled = [settled[h] for h in kept]
+    count, samples = np.array([hold.valid for hold in settled]), np.array([hold.samples for hold in settled])
+    noise = estimate_noise([hold.noise for hold in settled], degree=1)
+    variance = np.where(count == samples, noise.variance_of_mean(count), 0.0)
+    for h in np.flatnonzero(count != samples):
+        there = np.isfinite(settled[h].noise)
+        variance[h] = noise.variance_of_masked_mean(there) * there.sum() / count[h]
+    quantum = quantum_of(np.concatenate([hold.noise for hold in settled]))
+    drift = np.nan_to_num(np.array([hold.drift for hold in settled]))
+    drift_variance = 2 * noise.variance_of_mean(np.maximum(count // 2, 1)) * noise.scale
     drifting = _drifting(drift**2, drift_variance)
     coarse: float | Floats = 0.0
     if quantum:
-        coarse = quantisation_variance(np.array([np.nanstd(y, ddof=1) for y in settled]), quantum)
+        coarse = quantisation_variance(np.array([hold.spread for hold in settled]), quantum)
     std = np.sqrt(variance * noise.scale + coarse + np.where(drifting, drift**2, 0.0))
     return StaticCurve(
         np.asarray(level, float)[kept],
-        np.array([_mean(y) for y in settled]),
+        np.array([hold.mean for hold in settled]),
         std,
         np.asarray(direction, float)[kept],
         count,
@@ -108,12 +141,6 @@ def _drifting(square: Floats, variance: Floats) -> NDArray[np.bool_]:
     variance = np.maximum(variance, 1e-300)
     together = chdtrc(len(square), np.sum(square / variance)) < 1e-4
     return np.asarray(square > (1 if together else 16) * variance)
-
-
-def _drift(holds: Sequence[Floats]) -> Floats:
-    """Return the mean of the second half minus that of the first, 0 where a half is missing."""
-    halves = [(_mean(y[: len(y) // 2]), _mean(y[len(y) // 2 :])) for y in holds]
-    return np.array([b - a if np.isfinite(b - a) else 0.0 for a, b in halves])
 
 
 def _mean(y: Floats) -> float:

@@ -128,21 +128,39 @@ def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20, ar: Floa
     >>> np.abs(found.value).round(6), round(float(np.angle(found.value[1])), 6)
     (array([3., 1., 0.]), -0.5)
     """
+    return spectrum(y, period, skip, count).harmonics(ar)
+
+
+class Spectrum(NamedTuple):
+    """Harmonics of a window of whole periods, and the power at all its lines but theirs."""
+
+    value: Complexes
+    power: Floats  # |rfft|², of what the harmonics leave over where they were fitted
+    noise_std: float
+    window: Window
+
+    def harmonics(self, ar: Floats = _WHITE) -> Harmonics:
+        """Return the harmonics with their errors, for noise of a colour."""
+        return of_lines(self.value, self.power, self.noise_std, self.window, ar)
+
+
+def spectrum(y: Floats, period: float, skip: int = 1, count: int = 20, start: int = 0) -> Spectrum:
+    """Return the spectrum of whole periods, phases counted from the first sample of the part, which is sample `start`."""
     first, stop, periods = _window(len(y), period, skip)
     count = min(count, int(np.ceil(period / 2)) - 1)
     window = y[first:stop]
     valid = np.isfinite(window)
-    if _whole(period) and valid.all():
-        spectrum = np.fft.rfft(window)
-        value = spectrum[: count * periods + 1 : periods] * 2 / len(window)
+    if _whole(period) and valid.all() and start % round(period) == 0:
+        lines = np.fft.rfft(window)
+        value = lines[: count * periods + 1 : periods] * 2 / len(window)
         value[0] /= 2
     else:
-        value, residual = _regression(window, valid, first, 2 * np.pi / period, count)
-        spectrum = np.fft.rfft(residual)
-    power, samples = np.abs(spectrum) ** 2, int(valid.sum())
+        value, residual = _regression(window, valid, start + first, 2 * np.pi / period, count)
+        lines = np.fft.rfft(residual)
+    power, samples = np.abs(lines) ** 2, int(valid.sum())
     between = np.arange(len(power)) % periods != 0
     noise = float(np.sqrt(power[between].mean() / samples)) if between.any() else float("inf")
-    return of_lines(value, power, noise, Window(float(period), periods, len(window), samples), ar)
+    return Spectrum(value, power, noise, Window(float(period), periods, len(window), samples))
 
 
 class Window(NamedTuple):

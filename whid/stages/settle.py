@@ -9,7 +9,7 @@ import numpy as np
 
 from whid.errors import WhidError
 from whid.quantity import Quantity, Table
-from whid.signal import Floats
+from whid.signal import Floats, Ints
 from whid.stages._noise import estimate_noise
 
 
@@ -45,23 +45,79 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
     >>> round(settle_time(list(noise + 50 * np.exp(-t / 20)), 0.1).settle, 1)
     15.9
     """
+    length = np.array([len(hold) for hold in holds])
+    used = [holds[k] for k in used_of(length)]
+    sums = [Cumulated.of(hold) for hold in used]
+    scale = float(np.nanmax(np.abs(np.concatenate(used)))) if used else 0.0
+    return settle_of(sums, [hold[len(hold) // 2 :] for hold in used], scale, dt, significance, margin)
+
+
+def used_of(length: Ints) -> Ints:
+    """Return which holds, by their lengths, count: 16 samples or more, half the median or more."""
+    if not len(length) or length.max() < 16:
+        raise WhidError("stage-too-short", "no hold has 16 samples or more")
+    return np.flatnonzero(length >= max(16, np.median(length) / 2))
+
+
+class Cumulated(NamedTuple):
+    """Sums of a hold from its first sample to each of some places, about a base that keeps them small."""
+
+    length: int
+    base: float
+    total: Floats  # at all places, or at `places`
+    seen: Ints
+    places: Ints | None = None
+
+    @classmethod
+    def of(cls, hold: Floats) -> Cumulated:
+        """Return them at all places of a hold that is all here."""
+        valid = np.isfinite(hold)
+        base = float(np.mean(hold[valid])) if valid.any() else 0.0
+        total = np.append(0.0, np.cumsum(np.where(valid, hold - base, 0.0)))
+        return cls(len(hold), base, total, np.append(0, np.cumsum(valid)))
+
+    def mean(self, start: Ints, stop: Ints) -> tuple[Floats, Ints]:
+        """Return the means of samples start … stop − 1, and their valid counts."""
+        if self.places is not None:
+            start, stop = np.searchsorted(self.places, start), np.searchsorted(self.places, stop)
+        count = self.seen[stop] - self.seen[start]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.base + (self.total[stop] - self.total[start]) / count, count
+
+
+class Cuts(NamedTuple):
+    """Where the means of holds begin and end: of the early quarter and of the late half behind every cut."""
+
+    cut: Ints  # (cuts, 1)
+    first: Ints  # (cuts, holds)
+    half: Ints
+
+
+def cuts_of(length: Ints) -> Cuts:
+    """Return the cuts of holds of given lengths: up to half the shortest."""
+    cut = np.arange(int(length.min()) // 2 + 1)[:, None]
+    cut = cut[:: max(1, len(cut) // 500)]
+    return Cuts(cut, cut + (length - cut) // 4, length - (length - cut) // 2)
+
+
+def settle_of(
+    holds: Sequence[Cumulated], late_halves: Sequence[Floats], scale: float, dt: float, significance: float = 0.01,
+    margin: float = 1.5,
+) -> Settle:  # fmt: skip
+    """Return the settling time of holds that have been read; late_halves: samples that tell the noise, all or the first."""
     from scipy.special import chdtrc
 
-    length = np.array([len(hold) for hold in holds])
-    used = [hold for hold in holds if len(hold) >= max(16, np.median(length) / 2)]
-    if not used:
-        raise WhidError("stage-too-short", "no hold has 16 samples or more")
-    noise = estimate_noise([hold[len(hold) // 2 :] for hold in used], degree=2)
-    cut = np.arange(min(map(len, used)) // 2 + 1)[:, None]
-    cut = cut[:: max(1, len(cut) // 500)]
-    n = np.array([len(hold) for hold in used])
-    first = cut + (n - cut) // 4
-    half = n - (n - cut) // 2
-    early, early_count = _means(used, np.broadcast_to(cut, first.shape), first)
-    late, late_count = _means(used, half, np.broadcast_to(n, half.shape))
+    n = np.array([hold.length for hold in holds])
+    cut, first, half = cuts_of(n)
+    noise = estimate_noise(late_halves, degree=2)
+    starts = np.broadcast_to(cut, first.shape)
+    pairs = [hold.mean(starts[:, h], first[:, h]) for h, hold in enumerate(holds)]
+    early, early_count = (np.stack(column, axis=1) for column in zip(*pairs, strict=True))
+    pairs = [hold.mean(half[:, h], np.full(len(cut), n[h])) for h, hold in enumerate(holds)]
+    late, late_count = (np.stack(column, axis=1) for column in zip(*pairs, strict=True))
+    early_count, late_count = np.maximum(early_count, 1), np.maximum(late_count, 1)
     variance = noise.scale * (noise.variance_of_mean(early_count) + noise.variance_of_mean(late_count))
-    scale = max(float(np.nanmax(np.abs(np.concatenate(used)))), 1e-300)
-    variance = np.maximum(variance, (1e-9 * scale) ** 2)  # noise-free data settle to nine digits
+    variance = np.maximum(variance, (1e-9 * max(scale, 1e-300)) ** 2)  # noise-free data settle to nine digits
     statistic = np.nansum((early - late) ** 2 / variance, axis=1)
     dof = np.isfinite(early - late).sum(axis=1)
     p = chdtrc(dof, statistic)
@@ -71,17 +127,3 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
     at = int(passed[0]) if len(passed) else len(cut) - 1
     truncation = float(cut[at, 0]) * dt
     return Settle(margin * truncation, truncation, float(statistic[at]), int(dof[at]), float(p[at]), bool(len(passed)))
-
-
-def _means(holds: Sequence[Floats], start: np.ndarray, stop: np.ndarray) -> tuple[Floats, np.ndarray]:
-    """Return the means of samples start … stop − 1 of each hold (cuts, holds), and their valid counts (at least 1)."""
-    mean, count = np.empty(start.shape), np.empty(start.shape, np.intp)
-    for h, hold in enumerate(holds):
-        valid = np.isfinite(hold)
-        base = np.mean(hold[valid]) if valid.any() else 0.0
-        total = np.append(0.0, np.cumsum(np.where(valid, hold - base, 0.0)))
-        seen = np.append(0, np.cumsum(valid))
-        count[:, h] = seen[stop[:, h]] - seen[start[:, h]]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean[:, h] = base + (total[stop[:, h]] - total[start[:, h]]) / count[:, h]
-    return mean, np.maximum(count, 1)
