@@ -30,7 +30,7 @@ plant:
 experiment:
   dt: 1.0e-6
   parts:
-    - {{kind: multisine, period: 1000003, periods: {periods}, lead_periods: 0, band: [0, 0.9], rms: 0.4}}
+    - {{kind: multisine, period: 1000000, periods: {periods}, lead_periods: 0, band: [0, 0.9], rms: 0.4}}
 identify: {{kind: memoryless, domain: [-1, 1]}}
 """
 MOST_MB, MOST_RATIO = 300, 3.0

@@ -75,18 +75,19 @@ def curve_sums(
     for chunks_of, more in ((head, False), (rest, True)):
         for x, y, earlier in _small(chunks_of):
             t = scaled(x, domain)
-            low, high, samples = min(low, float(t.min())), max(high, float(t.max())), samples + len(t)
+            order_of = np.argsort(t)  # windows and the domain are then stretches, which no sample need be picked out for
+            t, y = t[order_of], y[order_of]
+            low, high, samples = min(low, float(t[0])), max(high, float(t[-1])), samples + len(t)
             rows = basis(t, wide)
             for each in windows:
                 each.add(t, y, rows)
-            inside = np.abs(t) <= 1
-            if not inside.all():
-                t, y, earlier, rows = t[inside], y[inside], earlier[:, inside], rows[:, inside]
+            inside = slice(int(np.searchsorted(t, -1.0)), int(np.searchsorted(t, 1.0, side="right")))
+            t, y, rows = t[inside], y[inside], rows[:, inside]
             r = y - pilot @ rows[: order + 1]
             left = left.joined(moments(t, r, wide, rows) if more else Moments(np.zeros(1), rows @ r, float(r @ r), 0))
             square += float(y @ y)
             if lags:
-                before = scaled(earlier, domain)
+                before = scaled(np.stack([row[order_of[inside]] for row in earlier]), domain)
                 crossed += rows[: order + 1] @ before.T
                 inner += before @ before.T
                 lagged += before @ r

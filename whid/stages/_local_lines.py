@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from whid.errors import WhidError
-from whid.signal import Floats, Ints
+from whid.signal import Floats
 from whid.stages._chebyshev import Domain, basis, unscaled
 
 ROUNDING = 1e-9  # of a window's width: inputs closer together are one value
+_NONE = np.zeros(0, bool)
 WIDEST = 2.0  # half-widths: the whole domain from any node
 
 
@@ -91,26 +92,28 @@ class Windows:
         pairs = combinations(range(n), 2)
         self.shared = {(i, j): np.zeros(3) for i, j in pairs if min(high[i], high[j]) >= max(low[i], low[j])}
 
-    def add(self, t: Floats, y: Floats, rows: Floats | None = None) -> None:
-        """Add samples t, y (N,); rows: T₀ … of them where `order` wants them and they are known already."""
-        places = [np.flatnonzero(np.abs(t - centre) <= half) for centre, half in zip(self.centres, self.halves, strict=True)]
-        self._take(places, t, y, rows)
+    def add(self, t: Floats, y: Floats, rows: Floats) -> None:
+        """Add samples t, y (N,), t ascending; rows: T₀ … T_K of them, or more."""
+        first = np.searchsorted(t, self.centres - self.halves, side="left")
+        last = np.searchsorted(t, self.centres + self.halves, side="right")
+        self._take([slice(a, b) for a, b in zip(first, last, strict=True)], t, y, rows)
 
-    def _take(self, places: Sequence[Ints], t: Floats, y: Floats, rows: Floats | None) -> None:
-        """Add the samples of every window, their places known."""
+    def _take(self, places: Sequence[Any], t: Floats, y: Floats, rows: Floats | None) -> None:
+        """Add the samples of every window, their places known: slices or numbers."""
         offsets = [t[where] - centre for where, centre in zip(places, self.centres, strict=True)]
         for i, (where, o) in enumerate(zip(places, offsets, strict=True)):
-            if not len(where):
+            if not len(o):
                 continue
             if not self.sums[i, 0, 0]:
                 self.near[i] = _first_line(o, y[where])
-            columns = np.stack([np.ones(len(o)), o, y[where] - self.near[i, 0] - self.near[i, 1] * o])
+            columns = np.ones((3, len(o)))
+            columns[1], columns[2] = o, y[where] - self.near[i, 0] - self.near[i, 1] * o
             self.sums[i] += columns @ columns.T
             self.ends[i] = min(self.ends[i, 0], o.min()), max(self.ends[i, 1], o.max())
             if self.order >= 0:
                 local = basis(t[where], self.order) if rows is None else rows[: self.order + 1, where]
                 self.terms[i] += local @ columns[:2].T
-                out = np.abs(t[where]) > 1
+                out = np.abs(t[where]) > 1 if max(-self.ends[i, 0], self.ends[i, 1]) + abs(self.centres[i]) > 1 else _NONE
                 if out.any():
                     self.beyond[i] += local[:, out] @ columns[:2, out].T
         for (i, j), shared in self.shared.items():
