@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from tests import design_p
 from whid import flow
 from whid.blocks.linear import Linear
 from whid.blocks.polynomial import Polynomial
@@ -35,11 +36,15 @@ from whid.files.source import Columns, DataSource
 from whid.fit import linear_least_squares
 from whid.long_record import LongRecord
 from whid.methods.memoryless import Memoryless
+from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.operations.scale import Scale
 from whid.record import Chunk
 from whid.simulate import simulate, stream
 from whid.stages._curve_sums import curve_sums, one_chunk
 from whid.stages.chebyshev_fit import fit_of
+from whid.stages.levels import StaticCurve
+from whid.stages.periods import Harmonics
+from whid.stages.settle import Settle
 from whid.system import System
 
 LAG = Linear(num=(1.0,), den=(0.5, 1.0))
@@ -283,3 +288,25 @@ def test_what_needs_whole_records_is_refused_before_it_starts(tmp_path, override
     with pytest.raises(WhidError, match=said) as fault:
         flow.run(config, tmp_path / "long", overrides, max_memory=START + 1e6)
     assert fault.value.code == "memory"
+
+
+@pytest.mark.parametrize("settle_s", [None, 60.0])
+def test_levels_and_harmonics_from_chunks(settle_s):
+    """The staged method: number for number down to the fits, in two passes, in one where the settling time is declared."""
+    whole = design_p.record(5)
+    long, reads = cut(whole, 1000), []
+
+    def counted(outputs=True):
+        reads.append(outputs)
+        return long.read(outputs)
+
+    method = WienerHammerstein(whole_record=False, settle_s=settle_s, orders=(2, 2))
+    pairs = list(zip(method([whole]), method([replace(long, read=counted)]), strict=True))
+    assert len(reads) == (1 if settle_s else 2)
+    for one, other in pairs:
+        assert type(one) is type(other)
+        if isinstance(one, (Settle, StaticCurve, Harmonics)):
+            for name, value in one._asdict().items():
+                np.testing.assert_allclose(getattr(other, name), value, rtol=1e-9, atol=1e-11, err_msg=name)
+    one, other = pairs[-1]
+    np.testing.assert_allclose(other.estimate.values, one.estimate.values, rtol=0, atol=1e-3 * one.estimate.std.min())

@@ -19,7 +19,7 @@ from whid.disturbances._disturbance import Disturbance
 from whid.experiments._experiment import Experiment
 from whid.methods import _assemble as assemble
 from whid.methods._sines import Drive, Sine, drives
-from whid.methods._statistics import static_curve
+from whid.methods._statistics import OfRecords, static_curve
 from whid.record import Record
 from whid.signal import Floats
 from whid.simulate import simulate
@@ -50,6 +50,10 @@ class Drawn:
     def samples(self) -> int:
         """Return the number of samples for estimation."""
         return sum(int(plan.record.using("estimation").sum()) for plan in self.plans)
+
+    def joined(self, more: Sequence[Record]) -> OfRecords:
+        """Return the statistics of measured records beside what has none: a plan that asks for more is not drawn."""
+        return OfRecords([*self.records, *more])
 
     def settles(self) -> list[Settle]:
         """Return how long the holds take to settle, by sampling time."""

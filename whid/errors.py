@@ -199,8 +199,8 @@ CATALOGUE: dict[str, Explanation] = {
         FAILED,
     ),
     "statistics-only": Explanation(
-        "The repeat was drawn as levels and harmonics, and the method came to need samples.",
-        "Run the sweep with `--full-records`.",
+        "Only levels and harmonics were kept, and the method came to need samples.",
+        "Run a sweep with `--full-records`, a long record with more `--max-memory`, or use stronger sines.",
         FAILED,
     ),
     "stage-no-model": Explanation(

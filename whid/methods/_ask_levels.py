@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from whid.experiments.hold import Hold
-from whid.methods import _assemble as assemble
 from whid.methods._method import Answered, Wanted
 from whid.record import Record
 from whid.stages.bisection import Bisection, side, wide
@@ -57,4 +56,4 @@ def ask_levels(records: Sequence[Record], curve: StaticCurve, pieces: Segmentati
 
 def _hold(records: Sequence[Record]) -> float:
     """Return how long a level is held, s."""
-    return float(np.median([visit.dt * len(visit.y) for visit in assemble.visits(records)]))
+    return float(np.median([record.dt * part.length for record in records for part in record.select("hold")]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class OfLong:
     """
 
     sampled = False
+
+    records: Sequence[Any]
 
     def __init__(self, records: Sequence[Long], highest: int, known: dict[tuple[int, float], _Seen] | None = None) -> None:
         self.records, self.highest = records, highest

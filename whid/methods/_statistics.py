@@ -36,6 +36,9 @@ class Statistics(Protocol):
     def samples(self) -> int:
         """Return the number of samples for estimation."""
 
+    def joined(self, more: Sequence[Record]) -> Statistics:
+        """Return the statistics of more records together with these."""
+
     def settles(self) -> list[Settle]:
         """Return how long the holds take to settle, by sampling time."""
 
@@ -57,6 +60,10 @@ class OfRecords:
     def samples(self) -> int:
         """Return the number of samples for estimation."""
         return sum(int(record.using("estimation").sum()) for record in self.records)
+
+    def joined(self, more: Sequence[Record]) -> OfRecords:
+        """Return the statistics of more records together with these."""
+        return OfRecords([*self.records, *more])
 
     def settles(self) -> list[Settle]:
         """Return how long the holds take to settle, by sampling time."""

@@ -10,8 +10,10 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from whid.errors import WhidError
+from whid.long_record import LongRecord
 from whid.methods import _assemble as assemble
 from whid.methods._ask_levels import ask_levels
+from whid.methods._long import OfLong
 from whid.methods._method import Method, Model, Stages
 from whid.methods._sines import (
     ChainData,
@@ -70,23 +72,29 @@ class WienerHammerstein(Method):
     harmonics: Annotated[int, Ge(2)] = 20
     whole_record: bool | None = None
 
-    def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
+    def __call__(self, records: Sequence[Record | LongRecord], model: System | None = None) -> Stages:
         """Yield settle, levels, branch gap, pieces; then either the sine stages or the lags; the Model last."""
-        return self.staged(OfRecords(records), model)
+        whole = [record for record in records if isinstance(record, Record)]
+        return self.staged(OfRecords(whole) if len(whole) == len(records) else OfLong(records, self.harmonics), model)
+
+    def whole_records(self) -> str:
+        """Return that a fit of all samples was asked for."""
+        return "whole_record: true fits all samples at once" if self.whole_record else ""
 
     def staged(self, seen: Statistics, model: System | None = None) -> Stages:
         """Yield the same from the statistics of records, whoever made them."""
-        if len(assemble.visits(seen.records)) < 2:
+        if sum(1 for record in seen.records for _ in record.select("hold")) < 2:
             raise WhidError("method-no-levels", "wiener_hammerstein needs a staircase: two constant levels or more")
         settles = [] if self.settle_s else seen.settles()
         yield from settles
         seconds = self.settle_s or max(settle.settle for settle in settles)
         noise, curve, pieces = self._read(seen, seconds)
+        first = seen
         more, vain = yield from ask_levels(
-            seen.records, curve, pieces, lambda known: self._read(OfRecords(known), seconds)[1:]
+            seen.records, curve, pieces, lambda known: self._read(first.joined(known[len(first.records) :]), seconds)[1:]
         )
         if more:
-            seen = OfRecords([*seen.records, *more])
+            seen = first.joined(more)
             noise, curve, pieces = self._read(seen, seconds)
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
@@ -184,7 +192,7 @@ class WienerHammerstein(Method):
 
         rivals: systems with other orders that the stages could not tell apart; None where the orders were told.
         """
-        if not (self._whole(seen.samples) and split):
+        if not (seen.sampled and self._whole(seen.samples) and split):
             yield staged._replace(missing=staged.missing + assumed)
             return
         try:
