@@ -33,6 +33,21 @@ experiment:
     - {{kind: multisine, period: 1000000, periods: {periods}, lead_periods: 0, band: [0, 0.9], rms: 0.4}}
 identify: {{kind: memoryless, domain: [-1, 1]}}
 """
+CHAIN = """
+name: long
+plant:
+  chain:
+    - {{kind: linear, num: [0.04], den: [1, 0.5, 0.04]}}
+    - {{kind: piecewise, breaks: [-0.8, 0.8], pieces: [[-50, 62.5], [0], [-25, 0, 31.25]]}}
+    - {{kind: linear, num: [0.1], den: [1, 0.7, 0.1]}}
+  noise: {{kind: white, std: 0.5}}
+experiment:
+  dt: 0.5235987755982988
+  parts:
+    - {{kind: staircase, from: -3.5, to: 3.0, step: 0.5, hold_s: {hold_s}, return: true}}
+    - {{kind: sine, offset: 2.0, amplitude: 1.0, samples_per_period: [600, 300, 200], periods: {periods}}}
+identify: {{kind: wiener_hammerstein, settle_s: 200}}
+"""
 MOST_MB, MOST_RATIO = 300, 3.0
 
 
@@ -46,9 +61,14 @@ def measured(config, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("periods", [10, 100, 1000])
-def test_a_memoryless_record(tmp_path, periods):
-    samples, made, ran, peak = measured(MEMORYLESS.format(periods=periods), tmp_path)
-    print(f"{samples:.3g} samples: {peak:.0f} MB, generated in {made:.1f} s, run in {ran:.1f} s CPU: ratio {ran / made:.2f}")
+@pytest.mark.parametrize("size", [1e7, 1e8, 1e9])
+@pytest.mark.parametrize("plan", ["memoryless", "chain"])
+def test_memory_stays_and_time_is_that_of_generating(tmp_path, plan, size):
+    config = MEMORYLESS.format(periods=int(size / 1e6))
+    if plan == "chain":
+        config = CHAIN.format(hold_s=size * 0.0139, periods=int(size / 4400))
+    samples, made, ran, peak = measured(config, tmp_path)
+    of = f"{plan}, {samples:.3g} samples: {peak:.0f} MB, generated in {made:.1f} s CPU"
+    print(f"{of}, run in {ran:.1f} s: ratio {ran / made:.2f}")
     assert peak <= MOST_MB
-    assert ran <= MOST_RATIO * made or samples < 1e8  # a short one is mostly pictures
+    assert ran <= MOST_RATIO * made or samples < 1e8  # a short one is mostly fits and pictures
