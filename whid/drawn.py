@@ -96,8 +96,8 @@ class Quiet:
     @cached_property
     def unmeasured(self) -> Record:
         """Return it without its output."""
-        nothing = np.full(len(self.record), np.nan)
-        return replace(self.record, y=nothing, valid=np.zeros(len(nothing), bool))
+        nothing, never = np.broadcast_to(np.nan, len(self.record)), np.broadcast_to(False, len(self.record))
+        return replace(self.record, y=nothing, valid=never)
 
     @lru_cache(maxsize=PLANS)  # noqa: B019
     def spectra(self, settle: float, highest: int) -> tuple[Spectrum, ...]:
