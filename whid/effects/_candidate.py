@@ -21,6 +21,7 @@ class Candidate(NamedTuple):
     tried      values of further numbers that were looked at to come to this start
     seen       nats by which the raw record speaks for it, without any model
     terms      parts of the effect that can do without each other: the name of each and its numbers
+    course     the numbers are a course in time, each one seen by its own stretch of the record only
     read       numbers that were read off the record and are held, with their standard error
     """
 
@@ -33,6 +34,13 @@ class Candidate(NamedTuple):
     seen: float = 0.0
     read: tuple[tuple[str, float], ...] = ()
     terms: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    course: bool = False
+
+    def penalty(self, samples: int) -> float:
+        """Return the nats that its numbers and the values tried cost: ½·log of the samples that see a number, each."""
+        count = len(self.new)
+        each = samples / max(count, 1) if self.course else samples
+        return float(count / 2 * np.log(each) + np.log(self.tried))
 
     @property
     def values(self) -> dict[str, float]:

@@ -64,7 +64,8 @@ class Effect(Kind):
 
     def screen(self, look: Look) -> list[Screened]:
         """Return every candidate by what it would explain, the best first; cheap: one simulation a number, no refit."""
-        near = look if self.within else look.sampled
+        looped = Sites(look.system, look.core).looped  # a loop costs ten times as much between samples, and a start will do
+        near = look if self.within and not looped else look.sampled
         every = list(self.candidates(near, Sites(look.system, look.core)))
         tried = sum(candidate.tried for candidate in every)
         found = [screened for c in every if (screened := _screened(self, c._replace(tried=tried), near)) is not None]
@@ -75,7 +76,7 @@ def gain(look: Look, chi2: float, candidate: Candidate) -> float:
     """Return the log-likelihood that a fall of χ² to `chi2` gains, the effect's numbers and the values tried paid."""
     n = look.samples
     likelihood = n / 2 * np.log(look.chi2 / max(chi2, 1e-300))
-    return float(likelihood + candidate.seen - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
+    return float(likelihood + candidate.seen - candidate.penalty(n))
 
 
 def _screened(effect: Effect, candidate: Candidate, look: Look) -> Screened | None:

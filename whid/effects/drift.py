@@ -15,7 +15,7 @@ from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 
-POINTS = (2, 4, 8, 16, 32)
+POINTS = (2, 4, 8, 16, 32, 64)
 CYCLES = np.arange(1.5, 10.25, 0.5)  # a record
 
 
@@ -34,7 +34,7 @@ class Drift(Effect):
         for points in POINTS:
             names = tuple(f"levels.{k}" for k in range(points))
             block = Course(times=tuple(np.linspace(start, stop, points).tolist()), levels=(0.0,) * points)
-            yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)
+            yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)._replace(course=True)
         if len(look.records) == 1:
             for cycles in CYCLES:
                 block_ = Tone(omega=2 * np.pi * cycles / (stop - start), cos=(0.0,), sin=(0.0,))

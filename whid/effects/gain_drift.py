@@ -33,4 +33,4 @@ class GainDrift(Effect):
             names = tuple(f"levels.{k}" for k in range(1, points))
             times = tuple(np.linspace(start, stop, points).tolist())
             block = Course(times=times, levels=(0.0,) * points, fix=("levels.0",))
-            yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)
+            yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)._replace(course=True)

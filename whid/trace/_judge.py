@@ -15,7 +15,8 @@ from whid.trace._state import Data, State
 from whid.trace._terms import order
 from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 
-MOST = 0.5  # of what was left over: what an effect must explain to be named
+MOST = 0.5  # of what was left over: what the first of several effects must explain for all of them to be named
+ALMOST = 0.9  # of it: what all of them must, where the residual still answers to the input
 
 
 def residual_report(state: State, data: Data) -> ResidualReport:
@@ -46,14 +47,12 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
     steps = states[1:]
     found = tuple(_found(s.added, _way(s)) for s in steps if s.added is not None)
     rivals = tuple((f.effect.kind, f.effect.place) for f in last.rivals) if steps else ()
-    before, after = first.excess(std), last.excess(std)
-    explained = 1 - after / before if before > 0 else 1.0
     leads: tuple[Found, ...] = ()
     word: Word
     if not steps and not first.dirty:
         word = "nothing missing"
         sentence = "nothing missing: the residual is noise, and no effect would pay for its numbers"
-    elif not steps or (last.dirty and explained < 1 - MOST / 2):
+    elif not steps or _partial(states, std):
         word, leads, found, rivals = "unattributed", found, (), ()
         sentence = f"unattributed: {last.gate.words}"
         if leads:
@@ -70,6 +69,30 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
     return Verdict(
         word, sentence, found, rivals, leads, "", blank, blank, std, origin, first.gate.p, last.gate.p, (), float("nan")
     )
+
+
+def astray(states: Sequence[State], data: Data) -> bool:
+    """Tell whether going on is no use: two effects, and most of what was left over is left over still."""
+    std = noise_level(states[-1], data)[0]
+    return bool(data.floor.dof) and len(states) > 2 and states[-1].dirty and _explained(states, std)[-1] < MOST
+
+
+def _explained(states: Sequence[State], std: float) -> list[float]:
+    """Return the share of what the declared model left beyond the noise that was explained at every state."""
+    whole = states[0].excess(std)
+    return [1 - state.excess(std) / whole if whole > 0 else 1.0 for state in states]
+
+
+def _partial(states: Sequence[State], std: float) -> bool:
+    """Tell whether what was added explains a part only: it left more than rests, or it is a string of small effects.
+
+    Noise and what the raw output shows explain nothing that the input makes, and do not count.
+    """
+    explained = _explained(states, std)
+    made = [k for k, s in enumerate(states) if s.added is not None and not s.added.told and not s.added.candidate.seen]
+    if states[-1].dirty and explained[-1] < ALMOST:
+        return True
+    return len(made) > 2 and explained[made[0]] - explained[made[0] - 1] < MOST
 
 
 def opened(verdict: Verdict, states: Sequence[State], data: Data, path: str) -> Verdict:

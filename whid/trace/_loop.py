@@ -13,7 +13,7 @@ from whid.system import System
 from whid.trace._backward import backward
 from whid.trace._base import base
 from whid.trace._deciding import deciding
-from whid.trace._judge import judged, opened, residual_report
+from whid.trace._judge import astray, judged, opened, residual_report
 from whid.trace._left_over import left_over
 from whid.trace._options import Trace
 from whid.trace._round import one_round
@@ -42,11 +42,14 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
         yield found.ranking
         states = [*states, found.state]
     for _ in range(options.rounds + 1 - len(states)):
-        ranking, state = one_round(states[-1], _competing(states, options, data), data)
+        gained = sum(s.added.gain for s in states if s.added is not None and not s.added.told and not s.added.candidate.seen)
+        ranking, state = one_round(states[-1], _competing(states, options, data), data, gained)
         yield ranking
         if state is None:
             break
         states = backward([*states, state])
+        if astray(states, data):
+            break
     verdict = judged(states, data)
     if verdict.verdict == "ambiguous":
         wanted = deciding(states[-1], verdict.floor)

@@ -18,6 +18,7 @@ from whid.refine import refine
 from whid.signal import Floats
 
 ENTANGLED = 0.9999  # correlation: such numbers are a hundred times as uncertain together as one alone
+FEW = 5  # iterations from where the fit on samples ended
 POLISH = 4  # rounds of halving steps over numbers without a derivative that leads
 
 
@@ -62,7 +63,7 @@ def refit(
         best = max(quick, key=lambda r: r.gain)
         if best.gain < enough:
             return best
-        starts = [Screened(best.effect, best.candidate, best.gain)]
+        starts, iterations = [Screened(best.effect, best.candidate, best.gain)], FEW
     found = [each for start in starts if (each := _one(look, start, iterations, known)) is not None]
     return max(found, key=lambda r: r.gain, default=None)
 
@@ -134,7 +135,7 @@ def gain_over(before: Look, chi2: float, candidate: Candidate) -> float:
     """Return the nats gained by a fall of the whole error's χ² to `chi2`, penalties paid."""
     n = before.samples
     likelihood = n / 2 * np.log(error2(before) / max(chi2, 1e-300))
-    return float(likelihood + candidate.seen - len(candidate.new) / 2 * np.log(n) - np.log(candidate.tried))
+    return float(likelihood + candidate.seen - candidate.penalty(n))
 
 
 def error2(look: Look) -> float:

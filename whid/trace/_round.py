@@ -9,7 +9,7 @@ import numpy as np
 
 from whid.effects._effect import Effect, Screened
 from whid.effects._look import Look
-from whid.signal import Floats
+from whid.signal import Floats, rms
 from whid.stages._whiten import whitened
 from whid.trace._gate import gate
 from whid.trace._refit import Refit, error2, refit
@@ -19,6 +19,7 @@ from whid.trace._state import Data, State, reached
 from whid.trace._terms import by_terms
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
+WORTH = 0.03  # of what the effects before it gained: less is how an effect was described, not another one
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
@@ -40,14 +41,14 @@ class Round(NamedTuple):
     state: State | None
 
 
-def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
-    """Screen everything, refit the best few, and say which is to be added."""
-    look = here.look
+def one_round(here: State, effects: Sequence[Effect], data: Data, gained: float = 0.0) -> Round:
+    """Screen everything, refit the best few, and say which is to be added; `gained`: nats of what was added before."""
+    look, needed = here.look, max(NEEDED, WORTH * gained)
     ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
         first = starts[0]
-        if first.told is not None and here.dirty and first.effect.kind not in CERTAIN:
+        if first.told is not None and first.effect.kind not in CERTAIN and here.dirty and first.gain < 2 * _room(here, data):
             continue  # what answers to the input is no noise
         best = max(fits, key=lambda f: f.gain, default=None)
         if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
@@ -59,8 +60,8 @@ def one_round(here: State, effects: Sequence[Effect], data: Data) -> Round:
             fits.append(found if found.told else _on_selection(look, found, data))
     good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
-    taken = good[0] if good and good[0].gain > NEEDED else None
-    ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good)
+    taken = good[0] if good and good[0].gain > needed else None
+    ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good, needed)
     if taken is None:
         return Round(ranking, None)
     rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS and taken.effect.name != ASSUMED)
@@ -101,6 +102,13 @@ def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:
         return f is not best and best.selection - f.selection > _scatter(best.blocks - f.blocks)
 
     return sorted(by_gain, key=lambda f: (dirty and f.effect.kind in COURSES, worse(f), len(f.candidate.new)))
+
+
+def _room(here: State, data: Data) -> float:
+    """Return the nats that an effect without any chance in it could gain at most: the residual brought down to the floor."""
+    if not data.floor.dof:
+        return float("inf")
+    return here.look.samples * float(np.log(max(rms(here.left) / data.floor.std, 1.0)))
 
 
 def _clean(found: Refit) -> bool:
@@ -185,7 +193,7 @@ def _borne_out(found: Refit, data: Data) -> bool:
 
 def _ranking(
     ranked: Sequence[Sequence[Screened]], fits: Sequence[Refit], vetoed: Sequence[str], taken: Refit | None,
-    good: Sequence[Refit],
+    good: Sequence[Refit], needed: float,
 ) -> Ranking:  # fmt: skip
     by_name = {f.effect.name: f for f in fits}
     rows = sorted(
@@ -201,8 +209,9 @@ def _ranking(
     count = column(lambda f, s: len(s.candidate.new))
     tried = column(lambda f, s: s.candidate.tried)
     return Ranking(
-        names, count, tried, count / 2 * np.log(n) + np.log(tried), column(lambda f, s: s.gain),
+        names, count, tried, column(lambda f, s: s.told.penalty if s.told else s.candidate.penalty(n)),
+        column(lambda f, s: s.gain),
         column(lambda f, s: f.gain if f else nan), column(lambda f, s: f.selection if f else nan),
         column(lambda f, s: f.selection_std if f else nan), tuple(vetoed), taken.effect.name if taken else "",
-        good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, NEEDED,
+        good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, needed,
     )  # fmt: skip
