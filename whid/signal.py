@@ -11,7 +11,7 @@ splits for all (see `blocks/_stack.py`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -177,7 +177,11 @@ def joined(*signals: Signal) -> Signal:
     """
     values, last = np.concatenate([signal.values for signal in signals], axis=-1), signals[-1]
     inner = not last.sampled and any(callable(signal.between) for signal in signals)
-    between: Between = (lambda: _joined([signal.panels for signal in signals])) if inner else last.between
+
+    def panels() -> Panels:  # one that is held is constant on as many nodes as the others have
+        return _joined([(s if callable(s.between) else replace(s, order=last.order)).panels for s in signals])
+
+    between: Between = panels if inner else last.between
     return Signal(values, last.dt, signals[0].t0, between, last.order)
 
 

@@ -22,6 +22,7 @@ class Candidate(NamedTuple):
     seen       nats by which the raw record speaks for it, without any model
     terms      parts of the effect that can do without each other: the name of each and its numbers
     course     the numbers are a course in time, each one seen by its own stretch of the record only
+    paid       nats that the numbers cost where a likelihood of their own says so (levels that are a random walk)
     read       numbers that were read off the record and are held, with their standard error
     """
 
@@ -35,9 +36,12 @@ class Candidate(NamedTuple):
     read: tuple[tuple[str, float], ...] = ()
     terms: tuple[tuple[str, tuple[str, ...]], ...] = ()
     course: bool = False
+    paid: float | None = None
 
     def penalty(self, samples: int) -> float:
         """Return the nats that its numbers and the values tried cost: ½·log of the samples that see a number, each."""
+        if self.paid is not None:
+            return self.paid
         count = len(self.new)
         each = samples / max(count, 1) if self.course else samples
         return float(count / 2 * np.log(each) + np.log(self.tried))

@@ -11,10 +11,13 @@ import numpy as np
 from whid.blocks.drift import Drift as Course
 from whid.blocks.tone import Tone
 from whid.effects._candidate import Candidate
-from whid.effects._effect import Effect, Place
+from whid.effects._effect import Effect, Place, Screened
+from whid.effects._filtered import walking
 from whid.effects._look import Look
 from whid.effects._sites import Sites
+from whid.signal import Floats
 
+LIKELY = 15.0  # nats of the finest course, below which no walk is looked for
 POINTS = (2, 4, 8, 16, 32, 64)
 CYCLES = np.arange(1.5, 10.25, 0.5)  # a record
 
@@ -31,11 +34,41 @@ class Drift(Effect):
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a ramp, smooth courses through more and more points, and the slow sine that fits best."""
         start, stop = min(r.t0 for r in look.records), max(float(r.time[-1]) for r in look.records)
+        seen = np.sort(np.concatenate([r.time[use] for r, use in zip(look.records, look.use, strict=True)]))
         for points in POINTS:
             names = tuple(f"levels.{k}" for k in range(points))
-            block = Course(times=tuple(np.linspace(start, stop, points).tolist()), levels=(0.0,) * points)
+            block = Course(times=spread(seen, points, start, stop), levels=(0.0,) * points)
             yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)._replace(course=True)
         if len(look.records) == 1:
             for cycles in CYCLES:
                 block_ = Tone(omega=2 * np.pi * cycles / (stop - start), cos=(0.0,), sin=(0.0,))
                 yield sites.added(block_).candidate("omega", "cos.0", "sin.0", amplitude=("cos.0", "sin.0"))
+
+    def screen(self, look: Look) -> list[Screened]:
+        """Return the courses as every effect does; the finest one, where it is a random walk, costs what that walk does."""
+        found = super().screen(look)
+        finest = next((s for s in found if len(s.candidate.new) == POINTS[-1]), None)
+        if finest is None or len(look.records) != 1:
+            return found
+        nats = finest.gain + finest.candidate.penalty(look.samples)
+        if nats < LIKELY:
+            return found
+        every = np.zeros(len(look.records[0]))
+        every[look.use[0]] = look.left
+        steps = 6 * np.expm1(2 * nats / look.samples) / len(every)  # of a walk that scatters so much about its mean
+        walk = walking(every, look.use[0], float(steps))
+        worth = walk.nats - np.log(look.samples) / 2
+        if worth > finest.gain:
+            walked = finest.candidate._replace(paid=float(nats - worth))
+            found = [finest._replace(candidate=walked, gain=float(worth)), *(s for s in found if s is not finest)]
+        return sorted(found, key=lambda s: -s.gain)
+
+
+def spread(seen: Floats, points: int, start: float, stop: float) -> tuple[float, ...]:
+    """Return the points of a course: as many samples that count between any two, the ends those of the record.
+
+    >>> spread(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), 3, 0.0, 9.0)
+    (0.0, 2.0, 9.0)
+    """
+    inner = np.quantile(seen, np.linspace(0, 1, points)[1:-1]).tolist()
+    return (start, *inner, stop)

@@ -13,6 +13,7 @@ from whid.effects._candidate import Candidate
 from whid.effects._effect import Effect, Place
 from whid.effects._look import Look
 from whid.effects._sites import Sites
+from whid.effects.drift import spread
 
 POINTS = (2, 3, 5, 9)
 
@@ -29,8 +30,8 @@ class GainDrift(Effect):
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
         """Yield a ramp and smooth courses through a few points."""
         start, stop = min(r.t0 for r in look.records), max(float(r.time[-1]) for r in look.records)
+        seen = np.sort(np.concatenate([r.time[use] for r, use in zip(look.records, look.use, strict=True)]))
         for points in POINTS:
             names = tuple(f"levels.{k}" for k in range(1, points))
-            times = tuple(np.linspace(start, stop, points).tolist())
-            block = Course(times=times, levels=(0.0,) * points, fix=("levels.0",))
+            block = Course(times=spread(seen, points, start, stop), levels=(0.0,) * points, fix=("levels.0",))
             yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)._replace(course=True)

@@ -12,11 +12,13 @@ from whid.blocks.chain import Chain
 from whid.blocks.linear import Linear
 from whid.disturbances.process import Process
 from whid.effects._effect import Place
+from whid.effects._filtered import through
 from whid.effects._look import Look
-from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked_errors, variances
+from whid.effects._noisy import Fitted, NoiseEffect, Variances, shaped, stacked_errors, variances
 from whid.effects._sites import Sites
 from whid.signal import Floats
 
+LIKELY = 3.0  # nats by block, below which a closer look would not reach what is needed
 BLOCK = 64  # samples over which the slope of the curve is averaged, and whose spectrum is taken
 
 
@@ -30,7 +32,7 @@ class ProcessNoise(NoiseEffect):
     places: ClassVar[tuple[Place, ...]] = ("noise",)
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
-        """Return the size of w that makes the residual likeliest, by Whittle's likelihood block by block."""
+        """Return the size of w that makes the residual likeliest, block by block in frequency, then sample by sample."""
         coloured = any(len(noise.ar) for noise in look.noises)  # a declared colour cannot be told from that of the back
         if not sites.static or coloured or any(noise.kind == "process" for noise in look.system.noise):
             return None
@@ -49,8 +51,17 @@ class ProcessNoise(NoiseEffect):
                 return None
             found = variances(np.concatenate([e for e, _ in pairs]), np.concatenate([f for _, f in pairs]))
             noises = look.noises
+            one = behind[0] if len(behind) == 1 and len(look.records) == 1 else None
+            if found.nats > LIKELY and isinstance(one, Linear) and not one.state_space().d:
+                found = _exact(look, slopes[0], one, found)
         std = float(np.sqrt(found.share))
         return Fitted(Process(std=std), found.nats, {"std": std}, {"std": found.share_std / (2 * std)}, noises)
+
+
+def _exact(look: Look, slope: Floats, behind: Linear, rough: Variances) -> Variances:
+    """Return what a Kalman filter says of the sizes that the spectra of blocks suggest."""
+    error, use = look.errors[0], look.use[0]
+    return Variances(*through(np.where(use, error, 0.0), use, slope, behind, look.records[0].dt, rough.share / rough.base))
 
 
 def _slope(block: object, v: Floats) -> Floats:

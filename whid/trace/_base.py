@@ -6,21 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from whid.effects._candidate import Candidate
 from whid.effects._look import Look, Noise
-from whid.effects._sites import Sites
 from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.system import System
 from whid.trace._forensics import without_suspects
 from whid.trace._gate import gate
-from whid.trace._refit import error2, fitted, polished
+from whid.trace._refit import error2, fitted, searched
 from whid.trace._state import Data, State, with_noise
 
 STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
 SCATTERED = 3  # of them
-NEAR = 0.05  # of the range of v: how far off a declared breakpoint may be
-BORDERS = ("breaks", "low", "high", "inputs", "at")
 
 
 def base(system: System, data: Data, path: str) -> State:
@@ -51,12 +47,7 @@ def _best_of(system: System, look: Look, estimate: Estimate) -> tuple[Look, Esti
 
     Breakpoints are searched without derivatives, all other numbers absorbing what they can; then all numbers scattered.
     """
-    starts = []
-    borders = [p.name for p in look.system.tree.parameters() if _head(p.name) in BORDERS]
-    if borders:
-        low, high = look.span((Sites(look.system, look.core).nonlinear or [0])[0])
-        searched = Candidate(look.system, look.core, tuple(borders), (), tuple((b, NEAR * (high - low)) for b in borders))
-        starts += [polished(look, searched).system]
+    starts = [each.system for each in [searched(look)] if each is not None]
     rng = np.random.default_rng(SCATTERED)
     for _ in range(SCATTERED):
         free = system.tree.parameters()
@@ -71,9 +62,3 @@ def _best_of(system: System, look: Look, estimate: Estimate) -> tuple[Look, Esti
         if error2(other) < error2(look):
             look, estimate = other, found
     return look, estimate
-
-
-def _head(name: str) -> str:
-    """Return the field that a number belongs to: `breaks` of chain.1.breaks.0."""
-    parts = name.split(".")
-    return parts[-2] if parts[-1].isdecimal() else parts[-1]

@@ -42,8 +42,8 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
         yield found.ranking
         states = [*states, found.state]
     for _ in range(options.rounds + 1 - len(states)):
-        gained = sum(s.added.gain for s in states if s.added is not None and not s.added.told and not s.added.candidate.seen)
-        ranking, state = one_round(states[-1], _competing(states, options, data), data, gained)
+        before = [s.added for s in states if s.added is not None]
+        ranking, state = one_round(states[-1], _competing(states, options, data), data, before)
         yield ranking
         if state is None:
             break

@@ -12,7 +12,7 @@ from whid.effects._look import Look
 from whid.signal import Floats, rms
 from whid.stages._whiten import whitened
 from whid.trace._gate import gate
-from whid.trace._refit import Refit, error2, refit
+from whid.trace._refit import Refit, error2, mended, refit
 from whid.trace._report import Ranking
 from whid.trace._selection import Bools
 from whid.trace._state import Data, State, reached
@@ -20,6 +20,7 @@ from whid.trace._terms import by_terms
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 WORTH = 0.03  # of what the effects before it gained: less is how an effect was described, not another one
+ONCE = 0.2  # of what described the noise before: a description that gains less mends the one that is there
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
@@ -41,9 +42,10 @@ class Round(NamedTuple):
     state: State | None
 
 
-def one_round(here: State, effects: Sequence[Effect], data: Data, gained: float = 0.0) -> Round:
-    """Screen everything, refit the best few, and say which is to be added; `gained`: nats of what was added before."""
-    look, needed = here.look, max(NEEDED, WORTH * gained)
+def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequence[Refit] = ()) -> Round:
+    """Screen everything, refit the best few, and say which is to be added; `before`: what was added already."""
+    look, needed = here.look, max(NEEDED, WORTH * sum(f.gain for f in before if not f.told and not f.candidate.seen))
+    described = ONCE * sum(f.gain for f in before if f.told and not f.told.hidden)
     ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
@@ -56,10 +58,14 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, gained: float 
         known = data.floor.dof > 0
         enough = NEAR * best.gain - NEEDED if best and known else -np.inf
         found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
-        if found is not None:
-            fits.append(found if found.told else _on_selection(look, found, data))
+        if found is None:
+            continue
+        if known and not found.told and found.gain > needed and (best is None or found.gain > BEHIND * best.gain):
+            found = found if _clean(found) else mended(look, found)
+        fits.append(found if found.told else _on_selection(look, found, data))
     good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
+    good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = good[0] if good and good[0].gain > needed else None
     ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good, needed)
     if taken is None:
