@@ -89,13 +89,21 @@ def variances(e: Floats, f: Floats) -> Variances:
 
 
 def stacked_errors(look: Look) -> Floats:
-    """Return the residual of every record at the samples that count, one after another."""
-    return np.concatenate([e[use] for e, use in zip(look.errors, look.use, strict=True)])
+    """Return the residual at the samples that count, record after record, over the shape that its noise is known to have."""
+    return stacked(look, look.errors, 1)
+
+
+def stacked(look: Look, each: tuple[Floats, ...], power: int) -> Floats:
+    """Return courses at the samples that count, one after another, over a power of the noise's known shape."""
+    shapes = (np.ones(len(u)) if n.shape is None else n.shape for n, u in zip(look.noises, look.use, strict=True))
+    return np.concatenate([x[u] / s[u] ** power for x, u, s in zip(each, look.use, shapes, strict=True)])
 
 
 def shaped(look: Look, base: float, share: float, f: tuple[Floats, ...]) -> tuple[Noise, ...]:
-    """Return the noises whose σ varies: √(σ₀² + σ₁²·f)."""
+    """Return the noises whose σ varies: √(σ₀²·shape² + σ₁²·f), shape what was known of it before."""
     return tuple(
-        replace(noise, std=1.0, shape=np.sqrt(base + share * np.asarray(each)))
+        replace(
+            noise, std=1.0, shape=np.sqrt(base * (1.0 if noise.shape is None else noise.shape**2) + share * np.asarray(each))
+        )
         for noise, each in zip(look.noises, f, strict=True)
     )

@@ -27,8 +27,10 @@ class ColouredNoise(NoiseEffect):
 
     def explain(self, look: Look, sites: Sites) -> Fitted | None:
         """Return the autoregression, its order by BIC, and how much likelier the innovations are."""
-        if any(len(noise.ar) for noise in look.noises) or any(noise.kind == "process" for noise in look.system.noise):
-            return None  # the colour is known, or that of the blocks behind the curve
+        if any(len(noise.ar) or noise.shape is not None for noise in look.noises) or any(
+            noise.kind == "process" for noise in look.system.noise
+        ):
+            return None  # the colour is known, or that of the blocks behind the curve, or the size varies
         nats, noises, longest = 0.0, [], np.empty(0)
         for error, use in zip(look.errors, look.use, strict=True):
             ar = autoregression(error, use)

@@ -10,7 +10,7 @@ import numpy as np
 from whid.disturbances.jitter import Jitter as Trembling
 from whid.effects._effect import Place
 from whid.effects._look import Look
-from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked_errors, variances
+from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked, stacked_errors, variances
 from whid.effects._sites import Sites
 
 
@@ -28,7 +28,7 @@ class Jitter(NoiseEffect):
         if any(noise.kind == "jitter" for noise in look.system.noise):
             return None
         f = tuple(np.gradient(p, r.dt) ** 2 for p, r in zip(look.predicted, look.records, strict=True))
-        every = np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)])
+        every = stacked(look, f, 2)
         if not every.any():
             return None
         found = variances(stacked_errors(look), every)

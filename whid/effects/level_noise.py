@@ -10,7 +10,7 @@ import numpy as np
 from whid.disturbances.level import Level
 from whid.effects._effect import Place
 from whid.effects._look import Look
-from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked_errors, variances
+from whid.effects._noisy import Fitted, NoiseEffect, shaped, stacked, stacked_errors, variances
 from whid.effects._sites import Sites
 
 
@@ -28,7 +28,7 @@ class LevelNoise(NoiseEffect):
         if any(noise.kind == "level" for noise in look.system.noise):
             return None
         f = tuple(p**2 for p in look.predicted)
-        found = variances(stacked_errors(look), np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)]))
+        found = variances(stacked_errors(look), stacked(look, f, 2))
         std = float(np.sqrt(found.share))
         noises = shaped(look, found.base, found.share, f)
         numbers = {"std": std}

@@ -32,8 +32,10 @@ class Outliers(NoiseEffect):
         """Return the samples that stand out, and how much likelier two variances make the residual than one."""
         if any(noise.kind == "outliers" for noise in look.system.noise):
             return None
-        wild = [_standing_out(e, use) for e, use in zip(look.errors, look.use, strict=True)]
-        e = np.concatenate([x[use] for x, use in zip(look.errors, look.use, strict=True)])
+        shapes = [np.ones(1) if noise.shape is None else noise.shape for noise in look.noises]
+        errors = [e / shape for e, shape in zip(look.errors, shapes, strict=True)]
+        wild = [_standing_out(e, use) for e, use in zip(errors, look.use, strict=True)]
+        e = np.concatenate([x[use] for x, use in zip(errors, look.use, strict=True)])
         hit = np.concatenate([w[use] for w, use in zip(wild, look.use, strict=True)])
         if hit.sum() < 2 or hit.mean() > 0.1:
             return None
@@ -43,7 +45,8 @@ class Outliers(NoiseEffect):
             np.log1p(-rate) - 0.5 * np.log(small) - e**2 / (2 * small),
             np.log(rate) - 0.5 * np.log(large) - e**2 / (2 * large),
         )
-        block = Wild(std=float(np.sqrt(rate * large)), rate=rate)
+        raw = np.concatenate([x[use] for x, use in zip(look.errors, look.use, strict=True)])
+        block = Wild(std=float(np.sqrt(rate * np.mean(raw[hit] ** 2))), rate=rate)
         std = {"rate": float(np.sqrt(rate / len(e))), "std": block.std / np.sqrt(2 * hit.sum())}
         numbers = {"rate": rate, "std": float(block.std or 0.0)}
         return Fitted(block, float(np.sum(two - one)), numbers, std, look.noises, 1, tuple(wild))

@@ -14,7 +14,7 @@ from whid.disturbances.process import Process
 from whid.effects._effect import Place
 from whid.effects._filtered import through
 from whid.effects._look import Look
-from whid.effects._noisy import Fitted, NoiseEffect, Variances, shaped, stacked_errors, variances
+from whid.effects._noisy import Fitted, NoiseEffect, Variances, shaped, stacked, stacked_errors, variances
 from whid.effects._sites import Sites
 from whid.signal import Floats
 
@@ -43,7 +43,7 @@ class ProcessNoise(NoiseEffect):
             return None
         if not behind:
             f = tuple(s**2 for s in slopes)
-            found = variances(stacked_errors(look), np.concatenate([x[u] for x, u in zip(f, look.use, strict=True)]))
+            found = variances(stacked_errors(look), stacked(look, f, 2))
             noises = shaped(look, found.base, found.share, f)
         else:
             pairs = list(_blocks(look, slopes, Chain(chain=behind)))
