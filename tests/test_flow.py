@@ -334,6 +334,8 @@ def test_python_has_the_same_two_functions(tmp_path):
 
     result = whid.run(small_study(), tmp_path)
     assert whid.load(result.path).metrics == result.metrics
+    assert repr(result).startswith("<Result small: 2 records, ")
+    assert {"run", "load"} <= set(dir(whid))
     with pytest.raises(WhidError) as fault:
         whid.load(tmp_path)
     assert fault.value.code == "run-not-found"

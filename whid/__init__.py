@@ -5,7 +5,8 @@ study.yaml ─► plant + experiment ─► simulate ─┐
           └─► data file ──────────► ingest  ──┘   (u, y, dt, parts …)
                                                         HDF5 result + summary table + plots
 
-From Python: `whid.run("study.yaml")` → Result, `whid.load("runs/…")` → Result.
+From Python: `whid.run("study.yaml", overrides={"seed": 2})` → Result, `whid.load("runs/…")` → Result; a result has
+`records`, `stages`, `model`, `metrics`, `residuals`, `tables`, `path`. `whid.flow.trace("study.yaml")` closes the loop.
 """
 
 from __future__ import annotations
@@ -22,3 +23,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(flow, name)
     raise AttributeError(f"module 'whid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), "load", "run"])

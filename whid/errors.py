@@ -69,7 +69,7 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "block-parameters": Explanation(
         "A block's numbers contradict each other or do not describe a block.",
-        "Read the block's line in `whid kinds` and its equation in its docstring.",
+        "`whid kinds KIND` (such as `whid kinds piecewise`) shows its keys and its equation.",
         CONFIG,
     ),
     "block-no-steady-state": Explanation(
@@ -108,7 +108,7 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "data-operation": Explanation(
         "A column operation cannot be done on this record.",
-        "Read the operation's line in `whid kinds` and its docstring; a cutoff must lie below half the sampling rate.",
+        "`whid kinds KIND` (such as `whid kinds lowpass`) shows its keys; a cutoff must lie below half the sampling rate.",
         CONFIG,
     ),
     "data-length": Explanation(
@@ -195,7 +195,7 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "stage-too-short": Explanation(
         "A part is too short for its stage: no settled samples, or no whole period after the lead.",
-        "Hold levels longer, measure more periods, or set fewer lead periods.",
+        "Hold levels longer, measure more periods, sample faster, or set fewer lead periods.",
         FAILED,
     ),
     "statistics-only": Explanation(
@@ -216,7 +216,7 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "part-parameters": Explanation(
         "An experiment part's fields contradict each other or do not describe an input.",
-        "Read the part's line in `whid kinds` and its equation in its docstring.",
+        "`whid kinds KIND` (such as `whid kinds sine`) shows its keys and its equation.",
         CONFIG,
     ),
     "feedback-no-solution": Explanation(
@@ -360,6 +360,12 @@ CATALOGUE: dict[str, Explanation] = {
     "method-few-frequencies": Explanation(
         "The frequency response was measured at too few frequencies for a transfer function.",
         "Add sines at three frequencies or more; the response and the borders that were found are kept.",
+        FAILED,
+    ),
+    "method-still-output": Explanation(
+        "The output is the same at every level of the input, but for noise: there is no curve to find.",
+        "Drive over a wider range, or on the other side, where the output moves; or check that the input reaches it "
+        "(columns, wiring).",
         FAILED,
     ),
     "method-no-levels": Explanation(

@@ -18,7 +18,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from whid import drawn, plots, score, summary
-from whid.config.load import as_system, load_study, resolved
+from whid.config.load import Overrides, as_system, load_study, resolved
 from whid.config.memory import allow
 from whid.config.next_plan import next_plan
 from whid.config.refined import refined_study
@@ -55,7 +55,7 @@ Watch = Callable[[str, float], None]  # a finished step and its seconds
 def run(
     config: str | Path | Mapping[str, Any] | Study,
     out: str | Path = "runs",
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     *,
     base: Path | None = None,
     force: bool = False,
@@ -124,7 +124,7 @@ def records_needed(study: Study) -> str:
 def trace(
     config: str | Path | Mapping[str, Any] | Study,
     out: str | Path = "runs",
-    overrides: Sequence[str] = (),
+    overrides: Overrides = (),
     *,
     base: Path | None = None,
     force: bool = False,

@@ -118,6 +118,12 @@ class Result:
     path: Path | None = None
     reused: bool = False
 
+    def __repr__(self) -> str:
+        """Return one line: a record has too many numbers for a prompt."""
+        told = [f"{name} {self.metrics[name]:.6g}" for name in ("estimation.rms", "report.rms") if name in self.metrics]
+        state = f"incomplete: {self.error.message}" if self.error else ", ".join(told) or "no model"
+        return f"<Result {self.name}: {len(self.records)} records, {len(self.stages)} stages, {state}, {self.path}>"
+
     @property
     def model(self) -> Any:
         """Return the identified Model; raise the `WhidError` that stopped the run if there is none."""

@@ -70,7 +70,7 @@ def test_every_value_of_a_sweep_is_checked(whid, tmp_path):
     (tmp_path / "s.yaml").write_text(text + "sweep: {over: {plant.noise.std: [0.1, -1], plant.nois.std: [2]}, repeats: 3}\n")
     found = whid("check", "s.yaml")
     assert found.exit_code == 2
-    assert "--set plant.noise.std: must be >= 0, not -1" in found.stderr
+    assert "s.yaml: sweep.over: plant.noise.std: must be >= 0, not -1" in found.stderr
     assert "plant.nois is not there, did you mean noise?" in found.stderr
     (tmp_path / "t.yaml").write_text(text + "sweep: {over: {plant.noise.std: [0.1, 1]}, repeats: 3}\n")
     assert "grid over plant.noise.std (2), 3 repeats" in whid("check", "t.yaml").stdout
@@ -85,3 +85,10 @@ def test_a_column_that_a_data_file_does_not_have(whid, tmp_path):
     assert found.exit_code == 2
     assert "error[data-column]: d.csv: no column 'Valv', did you mean 'valve'? The file has t, valve, y" in found.stderr
     assert "columns (input: valve)" in whid("check", "m.yaml", "--set", "data.columns.input=valve").stdout
+
+
+def test_a_fault_of_a_sweeps_values_is_said_once_and_where_it_stands(whid, tmp_path):
+    (tmp_path / "s.yaml").write_text((CONFIGS / "starter.yaml").read_text() + "sweep: {over: {plant.noise.stdd: [1, 2]}}\n")
+    told = whid("check", "s.yaml").stderr
+    assert told.count("unknown key, did you mean std?") == 1
+    assert "s.yaml: sweep.over: plant.noise.stdd: unknown key" in told

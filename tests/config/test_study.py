@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from whid.blocks.dead_zone import DeadZone
-from whid.config.load import load_study
+from whid.config.load import load_study, study_of
 from whid.config.memory import SAMPLE, START, allow, memory, size
 from whid.config.overview import overview
 from whid.config.starter import starter
@@ -123,3 +123,48 @@ def test_the_starter_is_a_study_of_a_moment():
     study = load_study(parse(starter()).value)
     assert sum(e.samples() for e in study.experiment) < 20_000
     assert dataclasses.replace(study, name="other").name == "other"
+
+
+@pytest.mark.parametrize(
+    ("block", "told"),
+    [
+        ("{kind: linear, num: [1], den: [1, -1]}", "the pole 1 makes"),
+        ("{kind: linear, num: [1], den: [1, -0.2, 4]}", r"the pole 0\.1[+-]"),
+        ("{kind: linear, num: [1], den: [1, -1.2], dt: 0.1}", "the pole 1.2 makes"),
+    ],
+)
+def test_a_plant_that_runs_away_is_refused_where_it_stands(block, told):
+    text = f"""
+name: s
+plant:
+  chain: [{{kind: dead_zone, low: -1, high: 1}}, {block}]
+experiment: {{dt: 0.1, parts: [{{kind: hold, level: 1, hold_s: 100}}]}}
+identify: {{kind: wiener_hammerstein}}
+"""
+    with pytest.raises(WhidError, match=rf"s.yaml:4:\d+: plant.chain\[1\]: unstable: {told}"):
+        study_of(parse(text, "s.yaml"))
+    inside = text.replace(block, "{kind: feedback, forward: " + block + ", back: {kind: linear, num: [9], den: [1]}}")
+    for stable in (inside, text.replace("-1]}", "0]}").replace("-0.2", "0.2").replace("-1.2", "-0.2")):
+        study_of(parse(stable, "s.yaml"))
+
+
+def test_a_sine_needs_more_than_two_samples_a_period():
+    for given, told in (
+        ("samples_per_period: [20, 2]", "2 samples a period"),
+        ("omega: 40", "omega must lie below π/dt = 31.42"),
+    ):
+        text = "{kind: sine, offset: 0, amplitude: 1, periods: 3, " + given + "}"
+        parts = [*SIMULATED["experiment"]["parts"], parse(text).value]
+        with pytest.raises(WhidError, match=rf"experiment.parts\[1\]: .*{told}"):
+            load_study(SIMULATED | {"experiment": {"dt": 0.1, "parts": parts}})
+
+
+def test_overrides_in_python_are_a_mapping_too():
+    found = load_study(SIMULATED, {"seed": 7, "plant.noise": [], "plant.chain[0].low": np.float64(-2.0)})
+    assert (found.seed, found.plant.noise, found.plant.chain[0].low) == (7, (), -2.0)
+    assert load_study(SIMULATED, "seed=8").seed == 8
+
+
+def test_the_text_of_a_config_is_no_path():
+    with pytest.raises(WhidError, match=r"^name: s …: this is the text of a config, not the path"):
+        load_study("name: s\nidentify: {kind: fit}\n")

@@ -11,7 +11,9 @@ from tests.design_p import PLAN, PLANT, STD, back, clean, front, record
 from whid.blocks.dead_zone import DeadZone
 from whid.blocks.linear import Linear
 from whid.disturbances.white import White
+from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
+from whid.experiments.hold import Hold
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
 from whid.methods.wiener_hammerstein import WienerHammerstein
@@ -325,3 +327,12 @@ def test_a_declared_model_gives_the_orders():
     found = {type(s).__name__: s for s in WienerHammerstein(whole_record=False)([record(FIRST_SEED)], rough)}
     assert (len(found["Rational"].front_den), len(found["Rational"].back_den)) == (2, 3)
     assert len(found["Rational"].tried) == 1
+
+
+def test_an_output_that_stands_still_is_named():
+    u = np.repeat(np.arange(-2.0, 3.0), 100)
+    y = 5.0 + 0.01 * np.random.default_rng(4).normal(size=len(u))
+    parts = tuple(Hold(level=float(v), start=100 * k, stop=100 * (k + 1)) for k, v in enumerate(np.arange(-2.0, 3.0)))
+    with pytest.raises(WhidError, match="the output rests at 5 from -2 to 2") as fault:
+        list(WienerHammerstein()([Record(u=u, y=y, dt=0.1, parts=parts)]))
+    assert fault.value.code == "method-still-output"

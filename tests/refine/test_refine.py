@@ -194,7 +194,7 @@ def test_what_the_data_cannot_tell_is_said_in_words():
     text = "\n".join(found.gauge)
     assert "delay may sit in either block: chain.0 (delay) or chain.4 (delay)" in text
     assert "gain may move between chain.1 (linear) and chain.2 (piecewise)" in text
-    assert "numerator and denominator of chain.3 (linear) have a common factor" in text
+    assert "num and den of chain.3 (linear) may be scaled together" in text
     assert np.isfinite(found.estimate.std).all()
     beyond = System(chain=(Piecewise(breaks=(50.0,), pieces=((0.0, 1.0), (7.0, 2.0))),))
     unseen = refine(beyond, [recorded(beyond, steps(14))])

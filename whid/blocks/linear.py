@@ -117,6 +117,19 @@ class Linear(Block):
         """Return the poles, rad/s, or in z for a discrete block."""
         return _eigenvalues(self)
 
+    def growing(self) -> complex | float | None:
+        """Return the fastest pole right of the axis (outside the unit circle if discrete), None of a block without.
+
+        >>> Linear(num=(1.0,), den=(1.0, -1.0)).growing(), Linear(num=(1.0,), den=(1.0, 0.0)).growing()
+        (1.0, None)
+        """
+        poles = self.eigenvalues()
+        rate = poles.real if self.dt is None else np.abs(poles) - 1
+        if not np.any(rate > 1e-9 * (1 + np.abs(poles))):
+            return None
+        worst = complex(poles[np.argmax(rate)])
+        return worst if worst.imag else worst.real
+
     def gain_at(self, omega: Floats) -> NDArray[np.complex128]:
         """Return G(jω), or G(e^{jω·dt}) for a discrete block; omega in rad/s, any shape."""
         s = 1j * np.asarray(omega) if self.dt is None else np.exp(1j * np.asarray(omega) * self.dt)

@@ -36,14 +36,35 @@ def command(config: Path, overrides: tuple[str, ...], max_memory: str, as_json: 
     tests: list[Callable[[], object]] = [lambda: allow(study, size(max_memory), config.parent)]
     tests += [partial(check_columns, source, config.parent) for source in study.sources]
     for path, values in (study.sweep.over if study.sweep else {}).items():
-        tests += [partial(load_study, config, [*overrides, f"{path}={json.dumps(value)}"]) for value in values]
+        tests += [partial(_swept, config, overrides, path, value) for value in values]
     if faults := [fault for test in tests for fault in _faults(test)]:
-        raise Faults(faults)
+        raise Faults(list({str(fault): fault for fault in faults}.values()))  # every value of a sweep may have the same
     table = overview(study, config.parent)
     if as_json:
         print_json(table)
     else:
         print_tables(table)
+
+
+def _swept(config: Path, overrides: Sequence[str], path: str, value: object) -> None:
+    """Load the study of one value of a sweep; a fault of it stands in `sweep: over:`, not on the command line."""
+    from whid.config.load import load_study
+
+    try:
+        load_study(config, [*overrides, f"{path}={json.dumps(value)}"])
+    except WhidError as error:
+        found = error.faults if isinstance(error, Faults) else (error,)
+        place = f"--set {path}"
+        raise Faults(
+            [
+                WhidError(
+                    f.code,
+                    f.message,
+                    f"{config}: sweep.over: {path}{f.where.removeprefix(place)}" if f.where.startswith(place) else f.where,
+                )
+                for f in found
+            ]
+        ) from None
 
 
 def _faults(test: Callable[[], object]) -> Sequence[WhidError]:

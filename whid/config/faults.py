@@ -51,7 +51,8 @@ def _fault(error: Mapping[str, Any], document: Document) -> WhidError:
     if what == "kind":
         return _kind(value, context, document, path)
     if what == "whid":
-        place = document.where((*path, *context["where"].split("."))) if context["where"] else where
+        inside = [int(step) if step.isdecimal() else step for step in context["where"].split(".")]
+        place = document.where((*path, *inside)) if context["where"] else where
         return WhidError(context["code"], context["text"], place)
     return WhidError("config-value", _value(what, value, context, error["msg"]), where)
 

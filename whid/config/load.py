@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pathlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,9 +20,12 @@ from whid.files.text import read_text
 from whid.kinds import plain
 from whid.system import System
 
+Overrides = Sequence[str] | Mapping[str, Any]
 
-def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides: Sequence[str] = ()) -> Study:
-    """Return the study of a YAML file (or of a mapping), with overrides such as "plant.noise.std=0.1" applied.
+
+def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides: Overrides = ()) -> Study:
+    """Return the study of a YAML file (or of a mapping), with overrides applied: ["plant.noise.std=0.1"] or
+    {"plant.noise.std": 0.1}.
 
     Raises `Faults` with every fault at once, each as `file:line:col: path: what is wrong, what is allowed`.
 
@@ -29,7 +33,7 @@ def load_study(source: str | pathlib.Path | Mapping[str, Any] | Study, overrides
     Traceback (most recent call last):
     whid.errors.Faults: identify: is missing
     """
-    return study_of(_document(source), overrides)
+    return study_of(_document(source), _typed(overrides))
 
 
 def load_variants(
@@ -61,6 +65,17 @@ def names_key(path: str | pathlib.Path, key: str) -> bool:
     """Tell whether a YAML file has a key at its top; what else stands in it is not judged, it may be no study at all."""
     value = parse(read_text(path), str(path)).value
     return isinstance(value, dict) and key in value
+
+
+def _typed(overrides: Overrides) -> Sequence[str]:
+    """Return overrides as they are typed after `--set`.
+
+    >>> _typed({"seed": 3, "plant.noise.std": 0.1}), _typed("seed=3")
+    (['seed=3', 'plant.noise.std=0.1'], ['seed=3'])
+    """
+    if isinstance(overrides, Mapping):
+        return [f"{path}={json.dumps(_builtin(plain(value)))}" for path, value in overrides.items()]
+    return [overrides] if isinstance(overrides, str) else overrides
 
 
 def _document(source: str | pathlib.Path | Mapping[str, Any] | Study) -> Document:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 
+from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.experiments._experiment import Experiment
 from whid.files.source import DataSource
@@ -150,6 +151,12 @@ class Study:
         if (self.plant is None) != (not self.experiment):
             missing = "experiment" if self.plant else "plant"
             raise WhidError("config-source", "plant and experiment go together", missing)
+        for k, block in enumerate(self.plant.chain if self.plant else ()):
+            if isinstance(block, Linear) and (pole := block.growing()) is not None:
+                message = (
+                    f"unstable: the pole {pole:.4g} makes the output grow without bound; inside `feedback` it may stand"
+                )
+                raise WhidError("block-parameters", message, f"plant.chain.{k}")
         names = [record.name for record in self.experiment] + [source.name for source in self.sources]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)

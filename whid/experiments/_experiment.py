@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, MinLen
 
+from whid.errors import WhidError
 from whid.experiments._part import Part
 from whid.signal import Floats
 
@@ -38,6 +39,13 @@ class Experiment:
     path: Literal["exact", "sampled"] = "exact"
     adaptive: Adaptive | None = None
     name: str = "record"
+
+    def __post_init__(self) -> None:
+        for k, part in enumerate(self.parts):
+            try:
+                part.expand(self.dt)
+            except WhidError as fault:
+                raise WhidError(fault.code, fault.message, f"parts.{k}") from None
 
     def plan(self) -> tuple[Part, ...]:
         """Return the expanded parts, each at its place."""

@@ -22,7 +22,8 @@ class Sine(Part):
 
     u(t) = offset + amplitude·cos(ωt + phase), ω = omega rad/s or 2π/(samples_per_period·dt). Exactly one of omega,
     samples_per_period, period (samples; of a sine found in a record, any real number). `lead_periods` come first and
-    are not averaged: the transient. Source [Brouri2019], eq. (3.16) with U·α = offset.
+    are not averaged: the transient. Raises `WhidError("part-parameters")` for two samples a period or fewer.
+    Source [Brouri2019], eq. (3.16) with U·α = offset.
 
     >>> [part.period for part in Sine(offset=2, amplitude=1, samples_per_period=[600, 300], periods=20).expand(0.5)]
     [600.0, 300.0]
@@ -50,6 +51,9 @@ class Sine(Part):
         given = self.samples_per_period if self.samples_per_period is not None else self.omega
         many = np.atleast_1d(np.asarray(given, float))
         periods = many if self.omega is None else 2 * np.pi / (many * dt)
+        if self.start is None and (worst := float(periods.min())) <= 2:
+            why = f": omega must lie below π/dt = {np.pi / dt:.4g} rad/s" if self.omega is not None else ""
+            raise WhidError("part-parameters", f"{worst:.3g} samples a period, a sine needs more than 2{why}")
         return tuple(replace(self, period=float(p), omega=None, samples_per_period=None) for p in periods)
 
     def samples(self, dt: float) -> int:

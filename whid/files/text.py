@@ -13,6 +13,9 @@ LIMIT = 1_000_000  # bytes; a config is written by people, data belong in data f
 def read_text(path: str | Path) -> str:
     """Return a UTF-8 text file; raise `WhidError("config-file")` if it cannot be read, is no text, or is too long."""
     where = str(path)
+    if "\n" in where:
+        message = "this is the text of a config, not the path of one: give a mapping, `yaml.safe_load(text)`, or a file"
+        raise WhidError("config-file", message, where.strip().partition("\n")[0][:40] + " …")
     if Path(path).suffix.lower() in DATA:
         raise WhidError(
             "config-file", f"a data file, no config: `whid ingest {path}` shows it, with a study to start from", where

@@ -109,6 +109,11 @@ class WienerHammerstein(Method):
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
             yield from self._from_sines(seen, curve, pieces, heard, orders, said)
+        elif not pieces.degrees.any() and not len(pieces.breaks):
+            low, high = curve.level.min(), curve.level.max()
+            raise WhidError(
+                "method-still-output", f"the output rests at {pieces.coefficients[0, 0]:.4g} from {low:.4g} to {high:.4g}"
+            )
         elif not seen.sampled:
             raise WhidError("statistics-only", "no sine stands out of the noise: what is left are steps, sample by sample")
         else:

@@ -49,7 +49,7 @@ def _panels(run: Any) -> dict[str, list[str]]:
     found = {
         "RMSE of gains; dashed: Cramér-Rao bound of the whole record": gains[:MOST],
         "RMSE of phases, rad; dashed: Cramér-Rao bound of the whole record": phases[:MOST],
-        "mean of each error, 5 % to 95 % shaded": (errors or rest)[:MOST],
+        "mean of each metric, 5 % to 95 % shaded": (errors or rest)[:MOST],
     }
     return {title: names for title, names in found.items() if names}
 

@@ -59,7 +59,7 @@ def refine(
     >>> found = refine(System(chain=(replace(lag, den=(2.0, 1.0)),)), [Record(u=u, y=lag(u, 0.5), dt=0.5)])
     >>> found.estimate.names, found.estimate.values.round(6), found.gauge[0]
     (('chain.0.num.0', 'chain.0.den.0'), array([1., 3.]),
-     'numerator and denominator of chain.0 (linear) have a common factor: chain.0.den.1 is held')
+     'num and den of chain.0 (linear) may be scaled together, only their ratio counts: chain.0.den.1 is held')
     """
     data = data_of(records, system.tree, std)
     if ar is not None:

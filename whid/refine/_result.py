@@ -43,7 +43,7 @@ class Refined(NamedTuple):
         fit = f"{self.parameters} numbers, {e.iterations} iterations, {e.why_stop}"
         noise = "noise std from the residual" if e.chi2 == e.dof else f"χ²/dof {e.reduced_chi2:.3g}"
         notes = (f"{fit}; {noise}; BIC {self.bic:.1f}", *self._correlated(), *self.gauge)
-        return Table("Fit", ("record", "samples", "residual rms", "noise std", "noise order"), cells, notes)
+        return Table("Fitted records", ("record", "samples", "residual rms", "noise std", "noise order"), cells, notes)
 
     def _correlated(self) -> tuple[str, ...]:
         """Return the two numbers that are hardest to tell apart."""

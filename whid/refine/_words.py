@@ -84,6 +84,11 @@ def in_words(tree: Block, names: Sequence[str], direction: Floats) -> str:
     moved = {name: what for name, what in changed.items() if what}
     kinds = set(moved.values())
     if len(changed) == 1 and not moved:
+        path, block = blocks[0]
+        values = {path + p.name: p.value for p in block.parameters(held=True)}
+        shares = [d / values[n] if values[n] else np.inf for n, d in seen.items()]
+        if np.ptp(shares) <= 1e-3 * np.abs(shares).max():
+            return f"num and den of {next(iter(changed))} may be scaled together, only their ratio counts"
         return f"numerator and denominator of {next(iter(changed))} have a common factor"
     if kinds == {"gain"}:
         return f"gain may move between {' and '.join(moved)}"
