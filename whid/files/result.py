@@ -18,6 +18,7 @@ import numpy as np
 from whid.errors import WhidError
 from whid.experiments._part import Part
 from whid.files._groups import PACKED, Units, array, attach, fields, get, put, units, write
+from whid.files._new_hdf5 import new_hdf5
 from whid.kinds import plain, yaml_key
 from whid.quantity import Measured, Table
 from whid.record import Record
@@ -25,6 +26,7 @@ from whid.result import Asked, Check, Failure, Result
 from whid.signal import Floats
 from whid.system import System
 
+COLUMNS = 5  # of a record: time, u, y, valid, residual
 BLOCK = 1 << 18  # samples written at a time
 WORDS = ("name", "intersample", "initial", "use")  # of a record
 KEPT = ("checks", "asked", "warnings", "error", "tables", "pictures", "published")  # of a result, as JSON
@@ -34,7 +36,8 @@ Tree = Callable[[Any], System]
 def write_result(path: Path, result: Result, metric_units: Callable[[str], str] = lambda name: "1") -> None:
     """Write a result; numbers carry units, axes their scales, errors the name `<name>_errors`."""
     of = result.records[0].units if result.records else {}
-    with h5py.File(path, "w") as file:
+    size = 8 * COLUMNS * sum(len(record) for record in result.records)
+    with new_hdf5(path, size) as file:
         file.attrs.update({"NX_class": "NXroot", "name": result.name, "creator": "whid"})
         stages = file.create_group("stages", track_order=True)
         for name, stage in result.stages.items():

@@ -10,12 +10,15 @@ from typing import Any
 import h5py
 import numpy as np
 
+from whid.files._new_hdf5 import new_hdf5
+
 KEPT = ("over", "values", "std", "errors", "truth", "bound", "records")  # of a `SweepResult`
 
 
 def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any], metric_units: Callable[[str], str]) -> None:
     """Write what a `SweepResult` holds under the names `KEPT`; metrics have their `<name>_errors` beside them."""
-    with h5py.File(path, "w") as file:
+    size = sum(3 * array.nbytes for array in found["values"].values())
+    with new_hdf5(path, size) as file:
         file.attrs["NX_class"] = "NXroot"
         file.create_dataset("over", data=json.dumps(found["over"]))  # the swept values exactly as they were declared
         cells = file.create_group("cells")
