@@ -266,3 +266,17 @@ def test_a_problem_with_free_directions_converges_and_says_so():
     assert fit.rank == 2
     assert np.isinf(fit.std[:2]).all()
     assert np.isfinite(fit.std[2])
+
+
+def test_an_interruption_goes_through_a_fit_that_nobody_watches():
+    calls = []
+
+    def slow(b):
+        calls.append(b)
+        if len(calls) > 2:
+            raise KeyboardInterrupt
+        return b - 3.0
+
+    with pytest.raises(KeyboardInterrupt):
+        least_squares(slow, lambda b: np.eye(1), [Parameter("b", 500.0)])
+    assert len(calls) == 3

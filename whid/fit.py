@@ -120,9 +120,10 @@ def least_squares(
     """Minimise Σ wᵢ² rᵢ(θ)² within bounds, by Levenberg-Marquardt [Nielsen 1999, Damping parameter in Marquardt's method].
 
     residual(θ) → (m,), tangent(θ) → (m, p) = ∂r/∂θ, weights (m,) = 1/σ (None: σ unknown). Complex data: stack real and
-    imaginary parts. `watch(iteration, χ², θ)` is called at every accepted step. Ctrl-C keeps the best so far and says
-    "interrupted". Converged: the next undamped step is shorter than `tolerance` standard errors, or would change χ² by
-    less than rounding does; it is taken and the fit ends.
+    imaginary parts. `watch(iteration, χ², θ)` is called at every accepted step. Ctrl-C ends a fit that is watched with the
+    best so far and "interrupted"; one that nobody watches is a step of something larger, which it ends as well. Converged:
+    the next undamped step is shorter than `tolerance` standard errors, or would change χ² by less than rounding does; it is
+    taken and the fit ends.
 
     >>> t = np.arange(5.0)
     >>> fit = least_squares(lambda p: np.exp(-p[0] * t) - np.exp(-0.3 * t), lambda p: (-t * np.exp(-p[0] * t))[:, None],
@@ -139,10 +140,13 @@ def least_squares(
     def linearise(theta: Floats) -> Triangle:
         return Triangle.of(tangent(theta) * np.asarray(w)[..., None], w * residual(theta))
 
-    return minimise(
+    found = minimise(
         cost, linearise, parameters, known=weights is not None, max_iterations=max_iterations, tolerance=tolerance,
         watch=watch,
     )  # fmt: skip
+    if found.why_stop == "interrupted" and watch is None:
+        raise KeyboardInterrupt
+    return found
 
 
 class Triangle(NamedTuple):

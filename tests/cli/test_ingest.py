@@ -109,3 +109,13 @@ def test_a_damaged_file_is_no_question_of_columns(bench):
     with pytest.raises(WhidError, match="damaged, or not what its name says: Compressed file ended") as fault:
         run("cut.csv.gz")
     assert fault.value.code == "data-unreadable"
+
+
+def test_a_place_without_room_for_the_picture_costs_the_picture_only(bench, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("whid.plots._style.save", full)
+    out = run("bench.csv").output
+    assert "no picture: bench-ingest.png: No space left on device; give another place with --out" in out
+    assert "identify: {kind: wiener_hammerstein}" in out

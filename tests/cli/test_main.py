@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -57,7 +58,7 @@ def end(raised, *, returned=None):
     def broken():
         if raised is not None:
             raise raised
-        return returned
+        return returned() if callable(returned) else returned
 
     group.add_command(broken)
     group.get_command = lambda ctx, name: broken
@@ -137,3 +138,14 @@ def test_an_explanation_is_whole():
 def test_no_code_stands_twice():
     found = re.findall(r'^    "([a-z-]+)": Explanation', (ROOT / "errors.py").read_text("utf-8"), re.MULTILINE)
     assert len(found) == len(set(found)) == len(CATALOGUE)
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_scheduler_that_ends_the_job_is_an_interruption(name):
+    number = getattr(signal, name)
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        code, _, err = end(None, returned=lambda: os.kill(os.getpid(), number))
+    finally:
+        signal.signal(number, before)
+    assert (code, err.strip()) == (130, "interrupted")

@@ -10,7 +10,9 @@ import ast
 import importlib
 import os
 import pkgutil
+import signal
 import sys
+import threading
 import warnings
 from pathlib import Path
 from typing import Any, NoReturn
@@ -61,6 +63,7 @@ class Commands(click.Group):
         for stream in (sys.stdout, sys.stderr):
             if hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="replace")  # a terminal that has no ± must not end a run
+        _heed_endings()
         try:
             code = super().main(*args, **extra | {"standalone_mode": False})
         except WhidError as error:
@@ -78,6 +81,14 @@ class Commands(click.Group):
                 raise
             code = _bug(error)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _heed_endings() -> None:
+    """Make the end that a job's scheduler or a closed terminal orders an interruption, which keeps what was finished."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # no SIGHUP on Windows
+        if number and threading.current_thread() is threading.main_thread() and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
 
 
 def _summary(name: str) -> str:

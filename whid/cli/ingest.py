@@ -65,11 +65,11 @@ def command(
                       "parts": _plain(found.record.parts), "data": _plain(_declared(source, found, base))})  # fmt: skip
         picture = out or Path(f"{_stem(file)}-ingest.png" if len(sources) == 1 else f"{source.name}-ingest.png")
         if out or not as_json:
-            _draw(found, picture)
+            drawn = _draw(found, picture, out is not None)
         if not as_json:
             click.echo()
             print_tables(*tables[1:])
-            click.echo("".join(f"note: {note}\n" for note in found.notes) + f"picture: {picture}\n")
+            click.echo("".join(f"note: {note}\n" for note in found.notes) + f"{drawn}\n")
             click.echo(_study(source, found, base))
     if as_json:
         print_json(shown if len(shown) > 1 else shown[0])
@@ -216,7 +216,8 @@ def _study(source: DataSource, found: Ingested, base: Path) -> str:
     return said + dump({"name": name, "data": ordered, "identify": {"kind": "wiener_hammerstein"}})
 
 
-def _draw(found: Ingested, picture: Path) -> None:
+def _draw(found: Ingested, picture: Path, wanted: bool) -> str:
+    """Draw the record and say where; a picture that nobody asked for and that cannot be written costs a note."""
     from whid.errors import WhidError
     from whid.plots import ingest as drawing
     from whid.plots._style import save
@@ -224,4 +225,7 @@ def _draw(found: Ingested, picture: Path) -> None:
     try:
         save(drawing.draw, found.record, picture)
     except OSError as fault:
+        if not wanted:
+            return f"no picture: {picture}: {fault.strerror}; give another place with --out"
         raise WhidError("data-picture", f"cannot write the picture: {fault.strerror}", str(picture)) from fault
+    return f"picture: {picture}"

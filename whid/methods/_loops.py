@@ -268,4 +268,6 @@ def refined(model: Model, records: Sequence[Record]) -> tuple[Refined, Model]:
     assert isinstance(head, Linear)
     held = (f"chain.0.num.{len(head.num or ()) - 1}", f"chain.0.den.{len(head.den or ()) - 1}")
     whole = refine(model.system, records, fixed=held)
+    if whole.estimate.why_stop == "interrupted":
+        raise KeyboardInterrupt
     return whole, model._replace(system=whole.system, estimate=whole.estimate)

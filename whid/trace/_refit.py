@@ -79,6 +79,8 @@ def fitted(look: Look, iterations: int = 40, held: Sequence[str] = ()) -> tuple[
         look.system, look.records, path=look.path, std=[n.std for n in look.noises],
         ar=[n.ar for n in look.noises], max_iterations=iterations, fixed=held,
     )  # fmt: skip
+    if found.estimate.why_stop == "interrupted":
+        raise KeyboardInterrupt
     return look.moved(found.system), found.estimate
 
 
