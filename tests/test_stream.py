@@ -121,7 +121,7 @@ def cut(record, size):
 @pytest.fixture(scope="module")
 def memoryless_record():
     """Two thirds for estimation, some outputs missing."""
-    band, rest = NoiseBand(band=(0.3, 0.8), std=0.4, duration_s=1000), NoiseBand(std=0.4, duration_s=500, use="report")
+    band, rest = NoiseBand(band=(0.3, 0.8), std=0.4, duration_s=700), NoiseBand(std=0.4, duration_s=300, use="report")
     experiment = Experiment(dt=1.0, parts=(band, rest))
     plant = System(chain=(Polynomial(coefficients=(0.1, 1.0, 0.3, -0.2)),), noise=(White(std=0.05),))
     record = simulate(plant, experiment, np.random.default_rng(9))

@@ -83,3 +83,4 @@ class Thinned(Record):
 
     every: int = 1
     samples: int = 0  # of the long record
+    was: tuple[Part, ...] = ()  # its parts

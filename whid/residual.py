@@ -139,5 +139,5 @@ def thinned(record: LongRecord, chunks: Iterable[Chunk] | None = None) -> Thinne
     known = np.isfinite(y)
     return Thinned(
         u, y, record.dt * every, record.t0, None if known.all() else known, record.units, record.intersample,
-        record.initial, parts, record.name, record.use, every=every, samples=len(record),
+        record.initial, parts, record.name, record.use, every=every, samples=len(record), was=record.parts,
     )  # fmt: skip

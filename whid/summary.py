@@ -112,7 +112,8 @@ def _study(result: Result) -> Table:
 
 def _record(record: Record) -> str:
     units = f"input {record.units.get('input', '1')}, output {record.units.get('output', '1')}, "
-    parts = Counter(part.kind + ("" if part.use == "estimation" else f" ({part.use})") for part in record.parts)
+    was = getattr(record, "was", record.parts)
+    parts = Counter(part.kind + ("" if part.use == "estimation" else f" ({part.use})") for part in was)
     missing = int(np.sum(~record.mask))
     every = getattr(record, "every", 1)
     whole = f"{len(record)} samples" if every == 1 else f"{record.samples} samples in chunks, every {every}th kept"  # type: ignore[attr-defined]

@@ -42,10 +42,14 @@ def test_every_fault_at_once(whid, tmp_path):
 
 
 def test_a_study_beyond_its_memory(whid):
-    found = whid("check", CONFIGS / "starter.yaml", "--set", "experiment.parts[0].hold_s=1e9")
+    long = "experiment.parts[0].hold_s=1e9"
+    found = whid("check", CONFIGS / "starter.yaml", "--set", long, "--set", "identify={kind: parametric}")
     assert found.exit_code == 2
     assert "error[memory]: this study needs about" in found.stderr
     assert whid("check", CONFIGS / "starter.yaml", "--max-memory", "1MB").exit_code == 2
+    chunked = whid("check", CONFIGS / "starter.yaml", "--set", long)  # its method goes through them in chunks
+    assert chunked.exit_code == 0
+    assert "in chunks 200 MB" in chunked.stdout
     assert "such as 4GB" in whid("check", CONFIGS / "starter.yaml", "--max-memory", "much").stderr
 
 

@@ -3,6 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -92,12 +93,20 @@ def test_memory_of_a_data_file(tmp_path):
     assert memory(load_study(MEASURED), tmp_path / "elsewhere") == START
 
 
+def test_memory_of_a_packed_file(tmp_path):
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file.create_dataset("u", data=np.zeros((200_000, 2)), compression="gzip")
+    assert memory(load_study(MEASURED, ["data.file=r.h5"]), tmp_path) == START + 200_000 * SAMPLE
+
+
 def test_a_study_beyond_its_memory_is_refused_with_the_figure():
-    study = load_study(SIMULATED, ["experiment.parts[0].hold_s=1e7"])
-    with pytest.raises(WhidError, match=r"needs about 9\.2 GB, 4 GB are allowed") as caught:
+    longer = "experiment.parts[0].hold_s=1e7"
+    study = load_study(SIMULATED, [longer, "identify={kind: parametric}"])
+    with pytest.raises(WhidError, match=r"needs about 9\.2 GB, 4 GB are allowed; parametric needs whole records") as caught:
         allow(study, size("4GB"))
     assert caught.value.code == "memory"
-    allow(study, size("20GB"))
+    assert not allow(study, size("20GB"))
+    assert allow(load_study(SIMULATED, [longer]), size("4GB"))  # levels and harmonics come in chunks
 
 
 @pytest.mark.parametrize(("text", "count"), [("4GB", 4e9), ("4g", 4e9), ("0.5 MB", 5e5), ("1e9", 1e9), ("12", 12)])

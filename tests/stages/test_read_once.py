@@ -87,7 +87,7 @@ def test_a_part_of_one_block_is_the_whole(period, missing, size):
 def test_a_part_of_many_blocks(period):
     """Nothing missing and a whole period: the same harmonics; their errors within what as many lines allow, and as it is."""
     rng, errors = np.random.default_rng(24), []
-    for _ in range(40):
+    for _ in range(20):
         y = periodic(rng, period, round(203 * period))
         found = fed(PeriodBlocks(len(y), period, 2, 6, block=1000), y, 613).harmonics()
         whole = harmonics(y, period, 2, 6)

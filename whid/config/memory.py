@@ -8,7 +8,7 @@ from pathlib import Path
 
 from whid.config.study import Study
 from whid.errors import WhidError
-from whid.files import ingest_long
+from whid.files import hdf5_table, ingest_long
 from whid.files.source import DataSource, locate
 
 START = 200_000_000  # bytes: Python with numpy, scipy, matplotlib and h5py loaded, and the pictures
@@ -22,7 +22,8 @@ UNITS = {"": 1, "B": 1, "KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 def memory(study: Study, base: Path = Path()) -> int:
     """Return an estimate of the peak memory of `whid run`, bytes; base is the folder that data files are relative to.
 
-    START + SAMPLE · samples simulated + (6 … 30) · size of the data files. An experiment too long to count is sys.maxsize.
+    START + SAMPLE · samples simulated or in HDF5 + (6 … 30) · size of other data files. An experiment too long to count is
+    sys.maxsize.
     """
     try:
         simulated = sum(experiment.samples() for experiment in study.experiment)
@@ -96,4 +97,10 @@ def _file(source: DataSource, base: Path) -> int:
         path = locate(source.file, base)
     except (WhidError, OSError, ValueError):
         return 0  # that the file is missing is said by whoever opens it
-    return path.stat().st_size * FILE.get(path.suffix.lower(), BINARY)
+    size = path.stat().st_size * FILE.get(path.suffix.lower(), BINARY)
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        try:
+            return max(size, SAMPLE * hdf5_table.longest(path))  # a packed file says little
+        except (OSError, RuntimeError):
+            pass  # that it cannot be read is said by whoever opens it
+    return size

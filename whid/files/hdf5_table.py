@@ -28,6 +28,14 @@ class _Lazy:
             return np.asarray(file[self.name][()])
 
 
+def longest(path: Path) -> int:
+    """Return the length of the longest axis of any dataset: the samples of a column, however well they are packed."""
+    found = [0]
+    with h5py.File(path, "r") as file:
+        file.visititems(lambda _, item: found.extend(getattr(item, "shape", None) or ()))
+    return max(found)
+
+
 def read(path: Path) -> Table:
     """Return the table of an HDF5 file; the attribute `units` of a dataset is its unit."""
     arrays: dict[str, _Lazy] = {}
