@@ -370,7 +370,8 @@ CATALOGUE: dict[str, Explanation] = {
     ),
     "method-no-levels": Explanation(
         "The method needs constant levels of the input, and the records have fewer than two for it.",
-        "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find them.",
+        "Add a staircase with `use: estimation`; for measured data declare the holds, or `parts: auto` to find "
+        "them. For noise, multisines or random steps use `identify: {kind: parametric}`.",
         FAILED,
     ),
 }

@@ -53,13 +53,16 @@ def test_list_names_everything_of_whid_and_nothing_else(out):
 def test_diff_of_runs(out):
     same = sorted(path for path in out.glob("small-*") if path.name.endswith(".2") or (out / f"{path.name}.2").exists())
     other = next(path for path in out.glob("small-*") if path not in same)
-    assert command("diff", *same).exit_code == 0
+    equal = command("diff", *same)
+    assert (equal.exit_code, equal.stdout) == (0, "no difference\n")
     differing = command("diff", same[0], other, "--json")
     assert differing.exit_code == 1
     tables = {table["title"]: table["rows"] for table in json.loads(differing.stdout)["tables"]}
     assert tables["Config"] == [{"what": "seed", "A": 7, "B": 8}]
     assert {row["what"] for row in tables["Metrics"]} >= {"estimation.rms", "report.rms"}
-    assert command("diff", same[0], out / "nowhere").exit_code == 2
+    nowhere = command("diff", same[0], out / "nowhere")
+    assert nowhere.exit_code == 2
+    assert "nowhere: no config.yaml here" in nowhere.output
 
 
 def test_diff_of_sweeps(out):

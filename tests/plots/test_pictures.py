@@ -179,3 +179,18 @@ def test_a_rational_fit_has_the_response_of_its_filter():
     den = np.real(np.poly(fit.poles))
     num = np.poly(fit.zeros) * 1.5 * den.sum() / np.poly(fit.zeros).sum()
     np.testing.assert_allclose(response(fit, omega), freqz(num, den, omega * 0.1)[1])
+
+
+def test_a_ranking_without_gains_shows_its_numbers():
+    from types import SimpleNamespace
+
+    from matplotlib.figure import Figure
+
+    from whid.plots import trace_ranking
+
+    ranking = SimpleNamespace(
+        effect=("a", "b"), gain=np.full(2, np.nan), screened=np.array([-3.5, 40.0]), taken="", needed=10.0
+    )
+    figure = Figure()
+    trace_ranking.draw(SimpleNamespace(stages={"ranking": ranking}), figure)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["-3.5"]

@@ -32,8 +32,10 @@ def command(a: Path, b: Path, rtol: float, sigma: float, as_json: bool) -> int:
     tables = [Table(title, ("what", "A", "B"), tuple(map(_row, rows))) for title, rows in found.items() if rows]
     if as_json:
         print_json({"differs": bool(tables), "tables": tables})
-    else:
+    elif tables:
         print_tables(*tables)
+    else:
+        click.echo("no difference")
     return DIFFERS if tables else 0
 
 
@@ -60,9 +62,12 @@ def _sides(a: Path, b: Path, tolerance: Tolerance) -> dict[str, list[Difference]
 
 def _config(path: Path) -> Any:
     from whid.config.yaml import parse
+    from whid.errors import WhidError
     from whid.files.text import read_text
 
     folder = path if path.is_dir() else path.parent
+    if not (folder / "config.yaml").is_file():
+        raise WhidError("run-not-found", "no config.yaml here", str(path))
     return parse(read_text(folder / "config.yaml")).value
 
 

@@ -65,7 +65,7 @@ def spaced(figure: Figure, rows: int, columns: int, between: tuple[float, float]
         left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=across / wide, hspace=down / high
     )
     for axes in figure.axes:  # names of axes stand in line
-        axes.yaxis.set_label_coords(-0.62 / axes.bbox.width * figure.dpi, 0.5)
+        axes.yaxis.set_label_coords(-0.68 / axes.bbox.width * figure.dpi, 0.5)
 
 
 def label(what: str, unit: str) -> str:
