@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.design_p import PLAN, PLANT, STD
+from tests.design_p import PLAN, PLANT, STD, back, front
 from whid.blocks.linear import Linear
 from whid.blocks.piecewise import Piecewise
 from whid.disturbances.white import White
@@ -75,6 +75,21 @@ def test_bisected_borders_are_ten_times_tighter_and_their_error_is_the_predicted
     assert 1 / 1.5 < np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
+def test_levels_where_f_has_too_few_have_the_predicted_error():
+    """f at the new levels, fitted to old and new ones, less true; its errors on one piece go together: about 12 are free."""
+    ratios = []
+    for k in range(12):
+        plant = jumping(1.0 + 0.5 * np.random.default_rng(SEED + 100 + k).random())
+        stages, asked, told = served(STAGED, plant, QUICK, SEED + 100 + k, until=PIECES)
+        (fill,) = (w for w in asked if "too few levels" in w.reason)
+        assert told[-1] == "degrees 0, 1"
+        u = np.array([part.level for part in fill.plan])
+        pieces = stages["Segmentation"][0]
+        f = Piecewise(breaks=tuple(pieces.breaks), pieces=tuple(tuple(c[np.isfinite(c)]) for c in pieces.coefficients))
+        ratios += list((f(u, 0.5) - plant.chain[1](u, 0.5)) / fill.predicted_se)
+    assert 1 / 1.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
 def test_a_kink_is_told_from_a_jump_that_hides_in_its_gap():
     """Design P's jump of −5 at 0.8 reads as a kink at 0.89 until there are levels in between."""
     plant = replace(PLANT, noise=(White(std=STD),))
@@ -85,6 +100,28 @@ def test_a_kink_is_told_from_a_jump_that_hides_in_its_gap():
     found = after["Segmentation"][0]
     assert found.jump.tolist() == [False, True, True, True]
     np.testing.assert_allclose(found.breaks, [-2.4, -0.8, 0.8, 3.2], atol=0.004)  # half a gap of 1e-3 of the range
+
+
+def test_frequencies_that_connect_the_phases_with_the_predicted_error():
+    """Octaves complete the chain of 0.02; their second harmonics' phases, measured less true, over what was predicted."""
+    method = replace(STAGED, orders=(2, 2), degree=2)
+    errors = []
+    for k in range(4):
+        plant = replace(PLANT, noise=(White(std=STD),))
+        stages, asked, told = served(method, plant, replace(PLAN, initial="steady"), SEED + 200 + k, until="Identifiability")
+        (wanted,) = (w for w in asked if "phases fall apart" in w.reason)
+        assert [part.period for part in wanted.plan] == [150.0, 75.0]
+        kept = 200 * stages["Harmonics"][2].periods  # as many samples as of the sine of 200 samples a period
+        assert [part.periods for part in wanted.plan] == [np.ceil(kept / 150), np.ceil(kept / 75)]
+        assert told[-1].startswith("2 sines")
+        report = stages["Identifiability"][0]
+        assert (0.02, 0.04, 0.08, 0.16, 0.32) in [tuple(round(w, 9) for w in group) for group in report.groups]
+        for harmonics, part in zip(stages["Harmonics"][-2:], wanted.plan, strict=True):
+            w = part.radians(PLAN.dt)
+            held = np.exp(-1j * w * PLAN.dt / 2)  # a held cosine is late by half a sample
+            true = (held * front(w)) ** 2 * back(2 * w)  # times a positive number: f is quadratic there
+            errors.append(np.angle(harmonics.value[2] / true) / wanted.predicted_se)
+    assert 1 / 1.5 < np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
 AFFINE = System(

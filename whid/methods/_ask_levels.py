@@ -1,4 +1,4 @@
-"""Levels that a staircase method asks for: in the gaps of borders."""
+"""Levels that a staircase method asks for: in the gaps of borders, and on pieces that too few levels describe."""
 
 from __future__ import annotations
 
@@ -12,18 +12,45 @@ from whid.methods._method import Answered, Wanted
 from whid.record import Record
 from whid.stages.bisection import Bisection, side, wide
 from whid.stages.levels import StaticCurve
+from whid.stages.more_levels import more_levels
 from whid.stages.segmentation import Segmentation
 
 Read = Callable[[Sequence[Record]], tuple[StaticCurve, Segmentation]]
 Asking = Generator[Any, Record | None, tuple[list[Record], list[str]]]
 
 
-def ask_levels(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read) -> Asking:
-    """Ask for levels in the gaps of all borders at once, one a border and round, until they are narrow or nobody answers.
+def ask_levels(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read, max_degree: int) -> Asking:
+    """Ask for levels in the gaps of borders until they are narrow, then for those that pieces lack, once.
 
     curve, pieces: what the records show so far; read: what they show with more.
     Returns the records that answered, and what was asked in vain. Source [PAPERS A, build 3].
     """
+    new, vain = yield from _bisect(records, curve, pieces, read)
+    if new:
+        curve, pieces = read([*records, *new])
+    more, said = yield from _fill([*records, *new], curve, pieces, read, max_degree)
+    return [*new, *more], [*vain, *said]
+
+
+def _fill(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read, max_degree: int) -> Asking:
+    """Ask once for the levels without which a piece's degree cannot be told."""
+    level, f_std = more_levels(pieces, curve.level, float(np.median(curve.mean_std)), max_degree)
+    if not len(level):
+        return [], []
+    where = ", ".join(f"{u:.4g}" for u in level)
+    reason = f"too few levels to tell the degree of f about {where}"
+    plan = tuple(Hold(level=float(u), hold_s=_hold(records)) for u in level)
+    answer = yield Wanted(plan, reason, float(np.sqrt(np.mean(f_std**2))), "f at these levels, output")
+    if answer is None:
+        return [], [f"{reason}: no more were measured"]
+    _, found = read([*records, answer])
+    before, after = (", ".join(map(str, each.degrees)) for each in (pieces, found))
+    yield Answered(f"degrees {after}" + ("" if before == after else f", which were read as {before}"))
+    return [answer], []
+
+
+def _bisect(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read) -> Asking:
+    """Halve the gaps of all borders at once, one level a border and round."""
     span, std, hold_s = float(np.ptp(curve.level)), float(np.median(curve.mean_std)), _hold(records)
     unclear = wide(pieces, span, std)
     gaps = pieces.borders.copy()

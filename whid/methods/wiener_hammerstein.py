@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -13,8 +13,9 @@ from whid.errors import WhidError
 from whid.long_record import LongRecord
 from whid.methods import _assemble as assemble
 from whid.methods._ask_levels import ask_levels
+from whid.methods._ask_sines import ask_connecting
 from whid.methods._long import OfLong
-from whid.methods._method import Method, Model, Stages
+from whid.methods._method import Answered, Method, Model, Stages
 from whid.methods._sines import (
     ChainData,
     Sine,
@@ -90,11 +91,15 @@ class WienerHammerstein(Method):
         seconds = self.settle_s or max(settle.settle for settle in settles)
         noise, curve, pieces = self._read(seen, seconds)
         first = seen
-        more, vain = yield from ask_levels(
-            seen.records, curve, pieces, lambda known: self._read(first.joined(known[len(first.records) :]), seconds)[1:]
-        )
+
+        def read(known: Sequence[Record]) -> tuple[StaticCurve, Segmentation]:
+            joined = first.joined(known[len(first.records) :])
+            return self._read(joined, self._seconds(joined, seconds))[1:]
+
+        more, vain = yield from ask_levels(seen.records, curve, pieces, read, self.degree)
         if more:
             seen = first.joined(more)
+            seconds = self._seconds(seen, seconds)
             noise, curve, pieces = self._read(seen, seconds)
         yield curve
         if {1.0, -1.0} <= set(curve.direction):
@@ -108,7 +113,9 @@ class WienerHammerstein(Method):
         if heard:
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
-            yield from self._from_sines(seen, curve, pieces, heard, orders, said)
+            yield from self._from_sines(
+                seen, curve, pieces, heard, orders, said, lambda more: self._heard(more, seconds, noise), seconds
+            )
         elif not pieces.degrees.any() and not len(pieces.breaks):
             low, high = curve.level.min(), curve.level.max()
             raise WhidError(
@@ -137,6 +144,19 @@ class WienerHammerstein(Method):
         curve = assemble.joined(list(curves.values()))
         return {dt: one.ar for dt, one in curves.items()}, curve, segment(curve, max_degree=self.degree)
 
+    def _seconds(self, seen: Statistics, before: float) -> float:
+        """Return the settling time: levels that were asked for are reached by larger steps, which show more of it.
+
+        Records that are not in memory are not read through for it once more.
+        """
+        if self.settle_s or not seen.sampled:
+            return before
+        return max(settle.settle for settle in seen.settles())
+
+    def _heard(self, record: Record, settle: float, noise: dict[float, Floats]) -> list[Sine]:
+        """Return the sines of a record that stand out of the noise."""
+        return [sine for sine in OfRecords([record]).sines(settle, self.harmonics, noise) if sine.harmonics.heard]
+
     def _from_sines(
         self,
         seen: Statistics,
@@ -145,15 +165,24 @@ class WienerHammerstein(Method):
         sines: Sequence[Sine],
         orders: Orders | None,
         said: tuple[str, ...],
+        heard: Callable[[Record], list[Sine]],
+        settle: float,
     ) -> Stages:
-        """The paper's second part: sines inside a smooth piece."""
-        left = [False] * len(sines)
-        for i, sine in enumerate(sines):
-            if is_smooth(pieces, sine):
-                floor = harmonic_floor(sine.harmonics, degree_under(pieces, sine))
-                yield floor
-                left[i] = floor.p < LEFT / len(sines)
+        """The paper's second part: sines inside a smooth piece; those that would connect the phases are asked for."""
+        left = yield from _floors(sines, pieces)
         data, fit = fit_chain(sines, pieces, curve, left, seen.samples, orders)
+        if wanted := ask_connecting(sines, seen.records[0].dt, data, fit, pieces, settle):
+            answer = yield wanted
+            new = heard(answer) if answer else []
+            for sine in new:
+                yield sine.harmonics
+            if answer is None or not new:
+                said += (wanted.reason,)
+            else:
+                seen, sines = seen.joined([answer]), [*sines, *new]
+                left += yield from _floors(new, pieces)
+                data, fit = fit_chain(sines, pieces, curve, left, seen.samples, orders)
+                yield Answered(f"{len(new)} sines stand out of the noise and take part")
         static, responses = data.static, data.responses
         yield identifiability(responses.omega, [[k for k in ks if k] for ks in responses.orders])
         if all(is_smooth(pieces, sine) for sine in sines) and not any(left):
@@ -249,6 +278,17 @@ class WienerHammerstein(Method):
                 "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"
             )
         return tuple(missing)
+
+
+def _floors(sines: Sequence[Sine], pieces: Segmentation) -> Generator[Any, Record | None, list[bool]]:
+    """Yield the harmonic-floor test of every sine on a smooth piece; return which have left theirs."""
+    left = [False] * len(sines)
+    for i, sine in enumerate(sines):
+        if is_smooth(pieces, sine):
+            floor = harmonic_floor(sine.harmonics, degree_under(pieces, sine))
+            yield floor
+            left[i] = floor.p < LEFT / len(sines)
+    return left
 
 
 def _left_out(

@@ -1,4 +1,4 @@
-"""Where a static curve needs more levels: inside the gap of a border, and on pieces that too few levels describe."""
+"""Where a static curve needs more levels: inside the gap of a border."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def side(pieces: Segmentation, k: int, level: float, mean: float, std: float) ->
     """
     misfits: list[float] = []
     for piece in (k, k + 1):
-        row, value = _row(pieces, piece, level)
+        row, value = row_of(pieces, piece, level)
         variance = std**2 + float(row @ pieces.estimate.covariance @ row)
         misfits.append((mean - value) ** 2 / max(variance, (1e-12 * (abs(mean) + 1e-300)) ** 2))
     left, right = misfits
@@ -60,7 +60,7 @@ def side(pieces: Segmentation, k: int, level: float, mean: float, std: float) ->
     return -1 if left < right else 1
 
 
-def _row(pieces: Segmentation, piece: int, level: float) -> tuple[Floats, float]:
+def row_of(pieces: Segmentation, piece: int, level: float) -> tuple[Floats, float]:
     """Return the derivatives of a piece's value at a level with respect to all parameters, and the value."""
     names = pieces.estimate.names
     row = np.zeros(len(names))
