@@ -12,7 +12,6 @@ from whid.blocks.linear import Linear
 from whid.blocks.polynomial import Polynomial
 from whid.blocks.saturation import Saturation
 from whid.config.load import load_study
-from whid.config.memory import START
 from whid.disturbances.ar import Ar
 from whid.disturbances.jitter import Jitter
 from whid.disturbances.level import Level
@@ -255,13 +254,14 @@ identify: {kind: memoryless, order: 3, domain: [-1, 1], half_width: 0.02}
 """
 
 
-def test_a_run_in_chunks_is_the_run(tmp_path):
+def test_a_run_in_chunks_is_the_run(tmp_path, monkeypatch):
     """The same metrics, stages and pictures; what is kept of the record is thinned, and read back."""
     config = tmp_path / "long.yaml"
     config.write_text(STUDY)
+    monkeypatch.setattr("whid.config.memory.SAMPLE", 10_000)  # as if it were long
     study = load_study(config)
     whole = flow.execute(study, tmp_path, np.random.SeedSequence(study.seed))
-    long = flow.run(config, tmp_path / "long", max_memory=START + 1e6)
+    long = flow.run(config, tmp_path / "long", max_memory=4e8)
     assert whole.error is None
     assert long.error is None
     assert long.pictures == ("memoryless_curve.png", "residual.png")
@@ -279,14 +279,15 @@ def test_a_run_in_chunks_is_the_run(tmp_path):
     [
         (["identify={kind: parametric}"], "parametric needs whole records in memory"),
         (["identify.inverse=true"], "inverse: true"),
-        (["experiment.parts[0]={kind: noise_band, duration_s: 2e4}"], "drawn at once"),
+        (["experiment.parts[0]={kind: noise_band, duration_s: 4e4}"], "drawn at once"),
     ],
 )
-def test_what_needs_whole_records_is_refused_before_it_starts(tmp_path, overrides, said):
+def test_what_needs_whole_records_is_refused_before_it_starts(tmp_path, monkeypatch, overrides, said):
     config = tmp_path / "long.yaml"
     config.write_text(STUDY)
+    monkeypatch.setattr("whid.config.memory.SAMPLE", 10_000)  # as if it were long
     with pytest.raises(WhidError, match=said) as fault:
-        flow.run(config, tmp_path / "long", overrides, max_memory=START + 1e6)
+        flow.run(config, tmp_path / "long", overrides, max_memory=4e8)
     assert fault.value.code == "memory"
 
 

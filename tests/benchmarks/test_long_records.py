@@ -17,7 +17,7 @@ record = stream(study.plant, study.experiment[0], np.random.default_rng(0))
 began = time.process_time()
 samples = sum(len(chunk.y) for chunk in record.chunks())
 made = time.process_time()
-result = flow.run(study, sys.argv[2], max_memory=2.5e8)
+result = flow.run(study, sys.argv[2], max_memory=4e8)
 assert result.error is None, result.error
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3  # Linux: kB
 print(samples, made - began, time.process_time() - made, peak)

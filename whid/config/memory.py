@@ -13,6 +13,7 @@ from whid.files.source import DataSource, locate
 
 START = 200_000_000  # bytes: Python with numpy, scipy, matplotlib and h5py loaded, and the pictures
 SAMPLE = 90  # bytes a sample at the peak; measured with the starter at 1e6 … 1e7 samples: 54 … 75
+WORK = 100_000_000  # beside it in chunks: blocks of periods, samples for the noise; measured from 1e7 samples on: 10 … 80 MB
 FILE = {".csv": 6, ".txt": 6, ".tsv": 6, ".dat": 6, ".gz": 30}  # a byte of text in bytes at the peak; gzip is 5 to 1
 BINARY = 8  # 24 bytes a sample in the file
 CHUNKED = frozenset({".csv", ".txt", ".tsv", ".dat", ".asc", ".gz", ".h5", ".hdf5"})
@@ -66,7 +67,7 @@ def whole(study: Study) -> str:
 def in_chunks(study: Study) -> int:
     """Return the peak memory of a run that goes through its records in chunks, bytes: whatever their length."""
     kept = [part.numbers(experiment.dt) for experiment in study.experiment for part in experiment.plan()]
-    return START + 8 * max(kept, default=0)
+    return START + WORK + 8 * max(kept, default=0)
 
 
 def size(text: str) -> int:
