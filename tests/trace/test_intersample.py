@@ -49,6 +49,9 @@ def test_filters_around_a_curve_may_run_at_twice_the_rate():
     kinds = [block.kind for block in faster.system.series]
     assert kinds == ["linear", "polynomial", "linear"]
     assert "factor: 2" in dump(plain(faster.system))
+    for name in Effect.kinds():  # every other effect finds its place in it, or says that it has none
+        for place in Effect.named(name).places:
+            Effect.named(name)(place=place).screen(look.moved(faster.system))
     change = np.abs(predict(faster.system.tree, plan) - predict(slow.tree, plan))
     assert 0 < np.median(change) < 0.1  # the same filters, but for what folds back
     assert look.moved(faster.system).signal(1)[0].shape == plan.u.shape

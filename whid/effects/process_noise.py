@@ -36,6 +36,8 @@ class ProcessNoise(NoiseEffect):
         coloured = any(len(noise.ar) for noise in look.noises)  # a declared colour cannot be told from that of the back
         if not sites.static or coloured or any(noise.kind == "process" for noise in look.system.noise):
             return None
+        if sites.system.series_path != "chain.":  # blocks at a multiple of the record's rate: its noise has no place there
+            return None
         place = sites.static[0]
         behind = sites.blocks[place + 1 : sites.core[1]]
         slopes = tuple(_slope(sites.blocks[place], v) for v in look.signal(place))
@@ -52,7 +54,7 @@ class ProcessNoise(NoiseEffect):
             found = variances(np.concatenate([e for e, _ in pairs]), np.concatenate([f for _, f in pairs]))
             noises = look.noises
             one = behind[0] if len(behind) == 1 and len(look.records) == 1 else None
-            if found.nats > LIKELY and isinstance(one, Linear) and not one.state_space().d:
+            if found.nats > LIKELY and isinstance(one, Linear) and one.dt is None and not one.state_space().d:
                 found = _exact(look, slopes[0], one, found)
         std = float(np.sqrt(found.share))
         return Fitted(Process(std=std), found.nats, {"std": std}, {"std": found.share_std / (2 * std)}, noises)
