@@ -54,6 +54,8 @@ def test_a_yaml_file_becomes_a_summary_and_a_folder(config, tmp_path):
     again = whid("run", config, "--out", tmp_path / "runs")
     assert again.exit_code == 0
     assert "reused" in again.stdout
+    quiet = whid("run", config, "--out", tmp_path / "runs", "--quiet")
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, f"{folder}\n", "")
 
 
 def test_json_is_one_object_and_nothing_else(config, tmp_path):

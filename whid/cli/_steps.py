@@ -13,12 +13,13 @@ SPARSE = 5.0  # seconds between lines where nobody watches
 class Steps:
     """Called with every finished step and its seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
         self.started = self.shown = time.perf_counter()
         self.live: Any = None
 
     def __enter__(self) -> Self:
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not self.quiet:
             from rich.console import Console
 
             self.live = Console(stderr=True).status("starting …")
@@ -39,6 +40,6 @@ class Steps:
         if self.live:
             self.live.console.print(f"  {step}  {seconds:.2f} s", style="dim", highlight=False, markup=False)
             self.live.update(f"after {step} …")
-        elif time.perf_counter() - self.shown > SPARSE:
+        elif time.perf_counter() - self.shown > SPARSE and not self.quiet:
             self.shown = time.perf_counter()
             print(f"{self.seconds:6.1f} s  {step}", file=sys.stderr, flush=True)
