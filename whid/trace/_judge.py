@@ -90,6 +90,8 @@ def _partial(states: Sequence[State], std: float) -> bool:
     """
     explained = _explained(states, std)
     made = [k for k, s in enumerate(states) if s.added is not None and not s.added.told and not s.added.candidate.seen]
+    if states[-1].rounded:
+        return False
     if states[-1].dirty and explained[-1] < ALMOST:
         return True
     return len(made) > 2 and explained[made[0]] - explained[made[0] - 1] < MOST

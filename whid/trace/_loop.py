@@ -48,7 +48,7 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
         if state is None:
             break
         states = backward([*states, state])
-        if astray(states, data):
+        if states[-1].rounded or astray(states, data):
             break
     verdict = judged(states, data)
     if verdict.verdict == "ambiguous":

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from whid.disturbances.rounding import Rounding
 from whid.effects._look import Look, Noise
 from whid.fit import Estimate
 from whid.record import Record
@@ -19,6 +20,8 @@ from whid.trace._forensics import Raw, forensics
 from whid.trace._gate import Gate, gate
 from whid.trace._refit import Refit, fitted
 from whid.trace._selection import Bools, cut
+
+ROUNDED = 0.8  # of the residual's rms
 
 
 class Data(NamedTuple):
@@ -69,6 +72,12 @@ class State(NamedTuple):
     def left(self) -> Floats:
         """Return the residual of all records at the samples that count."""
         return np.concatenate([e[np.isfinite(e)] for e in self.look.errors])
+
+    @property
+    def rounded(self) -> bool:
+        """Tell whether a converter's steps, found by now, make nearly all that is left: finer things cannot be seen."""
+        rounding = [noise for noise in self.look.system.noise if isinstance(noise, Rounding)]
+        return any(float(noise.std or 0.0) > ROUNDED * rms(self.left) for noise in rounding)
 
     def excess(self, std: float) -> float:
         """Return the mean square of the residual beyond a noise of this σ."""
