@@ -40,3 +40,12 @@ def test_twice_half_a_delay_is_the_delay():
 
 def test_the_sampled_path_interpolates():
     np.testing.assert_allclose(Delay(seconds=1.25)(np.arange(6.0), 1.0, "discrete"), [0, 0, 0.75, 1.75, 2.75, 3.75])
+
+
+def test_a_steady_start_before_a_course_of_another_order():
+    """What stood before is held on as many nodes as the course behind it has."""
+    u = held(np.array([1.0, 1.0, 2.0, 2.0]), 0.1, "foh", order=6)
+    delay = Delay(seconds=0.05)
+    _, state = delay.steady(1.0, 0.1)
+    y, _ = delay.step(u, state)
+    np.testing.assert_allclose(y.values, [1.0, 1.0, 1.5, 2.0], atol=1e-12)
