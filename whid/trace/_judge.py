@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from whid.effects._sites import Sites
 from whid.signal import rms
 from whid.system import System
 from whid.trace._measure import measured
@@ -16,6 +17,7 @@ from whid.trace._terms import order
 from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 
 MOST = 0.5  # of what was left over: what the first of several effects must explain for all of them to be named
+LOOP = 0.4  # of it: what a loop must, for anything to be looked for beside it
 ALMOST = 0.9  # of it: what all of them must, where the residual still answers to the input
 
 
@@ -72,9 +74,16 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
 
 
 def astray(states: Sequence[State], data: Data) -> bool:
-    """Tell whether going on is no use: two effects, and most of what was left over is left over still."""
-    std = noise_level(states[-1], data)[0]
-    return bool(data.floor.dof) and len(states) > 2 and states[-1].dirty and _explained(states, std)[-1] < MOST
+    """Tell whether going on is no use: most of what was left over is left over still, after two effects, or after a loop.
+
+    A loop has numbers that soak up a part of nearly anything, and makes every further refit ten times as long.
+    """
+    last = states[-1]
+    if not data.floor.dof or not last.dirty or len(states) < 2:
+        return False
+    several, looped = len(states) > 2, Sites(last.look.system, last.look.core).looped
+    explained = _explained(states, noise_level(last, data)[0])[-1]
+    return (several and explained < MOST) or (looped and explained < LOOP)
 
 
 def _explained(states: Sequence[State], std: float) -> list[float]:
