@@ -200,7 +200,8 @@ def test_a_file_in_chunks_is_the_file(tmp_path, monkeypatch, kind, missing, size
         return t, u, y
 
     source = table(tmp_path, kind, missing, edit)
-    whole, long = ingest(source, tmp_path).record, ingest_long(source, tmp_path).record
+    (whole, said, _), (long, notes, _) = ingest(source, tmp_path), ingest_long(source, tmp_path)
+    assert set(notes) == {*said, f"{len(whole)} samples, read in chunks"}
     assert (len(long), long.t0, long.units) == (len(whole), whole.t0, whole.units)
     assert long.dt == pytest.approx(whole.dt, rel=1e-12)
     u, y = gathered(long)

@@ -70,7 +70,10 @@ def _record(source: DataSource, table: Table) -> tuple[LongRecord, tuple[str, ..
     checks.check_length(pass_.samples, table.where(0).partition(":")[0])
     least = 1e-6 + 2 * np.spacing(abs(pass_.t0)) / max(pass_.dt, 1e-300)  # what the digits of the time explain
     jitter = (f"time jitter of {100 * pass_.jitter:.2g} % of a step accepted",) if pass_.jitter > least else ()
-    more = (*pass_.notes, *jitter, *seen.notes(pass_.samples))
+    counts = " and ".join(f"{n} {what}" for n, what in zip(pass_.gone, ("inputs", "outputs"), strict=True) if n)
+    done = "outputs masked" if source.missing == "mask" else "interpolated"
+    missing = (f"{counts} of {pass_.samples} missing: {done}",) if counts else ()
+    more = (*pass_.notes, *jitter, *missing, *seen.notes())
     operated = [
         " ".join([f"operation {o.kind}:", ", ".join(f"{k} {v}" for k, v in plain(o).items() if k != "kind")])
         for o in source.operations
@@ -103,6 +106,7 @@ class _Pass:
     last: float = 0.0  # time
     timed: bool = False
     jitter: float = 0.0  # largest deviation of a step, in steps
+    gone: tuple[int, int] = (0, 0)  # inputs and outputs that were missing
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield the samples on a uniform grid, filled or NaN where they were missing, in the record's units."""
@@ -188,6 +192,8 @@ class _Pass:
             if len(x) and not float(np.abs(x).max()) <= checks.HUGE:
                 checks.check_alive(x, column, where)
         after = slice(ready.context, None)
+        gone = tuple(int(np.sum(~np.isfinite(x[after]))) for x in (ready.u, ready.y))
+        self.gone = self.gone[0] + gone[0], self.gone[1] + gone[1]
         return Chunk(start, series.input[after], np.where(series.valid, series.output, np.nan)[after])
 
 
@@ -243,14 +249,12 @@ class _Seen:
     table: Table
     low: Floats = field(default_factory=lambda: np.full(2, np.inf))
     high: Floats = field(default_factory=lambda: np.full(2, -np.inf))
-    missing: int = 0
     head: list[tuple[Floats, Floats]] = field(default_factory=list)
     looked: int = 0
 
     def add(self, chunk: Chunk) -> None:
         """Look at a chunk."""
         known = np.isfinite(chunk.y)
-        self.missing += int(np.sum(~known))
         for k, x in enumerate((chunk.u, chunk.y[known])):
             if len(x):
                 self.low[k], self.high[k] = min(self.low[k], x.min()), max(self.high[k], x.max())
@@ -258,7 +262,7 @@ class _Seen:
             self.head.append((chunk.u, chunk.y))
             self.looked += len(chunk.u)
 
-    def notes(self, samples: int) -> Sequence[str]:
+    def notes(self) -> Sequence[str]:
         """Return what is worth a note; raise for columns that are dead or swapped."""
         where = self.table.where
         for k, column in enumerate(("input", "output")):
@@ -272,4 +276,4 @@ class _Seen:
         if self.source.causal and known.any() and np.ptp(series.input) > 0 and np.ptp(series.output) > 0:
             checks.check_order_of_columns(series.input, series.output, where)
             looks = checks.like_a_command(series.input, series.output)
-        return (*looks, *([f"{self.missing} outputs of {samples} missing: masked"] if self.missing else []))
+        return looks
