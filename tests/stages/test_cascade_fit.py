@@ -10,6 +10,7 @@ from whid.blocks.saturation import Saturation
 from whid.blocks.spline import Spline
 from whid.blocks.table import Table
 from whid.stages._cascade import Cascade, Filter, filtered, from_delta, monic_rates
+from whid.stages._forms import on
 from whid.stages.allocation import allocation
 from whid.stages.between_samples import between_samples
 from whid.stages.cascade_fit import Window, cascade_fit, errors, knotted, reached, rms_error
@@ -142,6 +143,21 @@ def test_knots_go_where_the_curve_bends():
     placed = np.array(knotted([Window(u, u, u < 9)], still, 12).curves[0].inputs)
     np.testing.assert_allclose(placed[[0, -1]], [-3.0, 3.0])
     assert np.sum((placed > -0.4) & (placed < 0.7)) >= 5
+
+
+def test_knots_do_not_crowd_where_hardly_a_sample_goes():
+    """A wiggle that sixty samples made at the end of the curve bends more than all the rest: two knots of thirty."""
+    levels = np.concatenate([np.clip(noise(20_000, 11) * 0.6, -1.8, 1.8), np.linspace(1.8, 2.2, 60)])
+    points = np.append(np.linspace(-2.2, 1.8, 9), [1.9, 2.0, 2.1, 2.2])
+    curve = Spline(
+        inputs=tuple(points), outputs=tuple(np.tanh(points) + np.where(points > 1.85, 0.3 * (-1) ** np.arange(13), 0))
+    )
+    inputs = np.array(on(curve, levels, 30, by_bend=True).inputs)
+    assert len(inputs) == 30
+    assert inputs[[0, -1]] == pytest.approx([levels.min(), levels.max()])
+    assert np.sum(inputs[:-1] > 1.8) <= 2
+    seen = np.histogram(levels, inputs)[0]
+    assert np.sum(seen[:-1] < 25) <= 1  # the first interval begins where the samples do
 
 
 def test_hinges_find_a_knee_between_their_knots():

@@ -23,6 +23,9 @@ from whid.fit import linear_least_squares
 from whid.signal import Floats
 
 Kind = Literal["spline", "hinges", "piecewise", "saturation", "dead_zone"]
+SEEN = 50  # samples of which one knot is made,
+SPARE = 4  # or of a short record one in so many of those that there are for each
+BINS, ROUNDS = 20, 3
 EVEN = 0.5  # knots spread evenly, over those placed by the bend
 COUNTS: dict[Kind, tuple[int, ...]] = {  # knots tried in turn while they pay
     "spline": (8, 12, 20, 30),
@@ -52,14 +55,19 @@ def drawn(
     return _cornered(Saturation if kind == "saturation" else DeadZone, visited, curve, soft)
 
 
-def on(curve: Static, span: tuple[float, float], knots: int, by_bend: bool) -> Static:
-    """Return a curve on other knots over a span, by where it bends or evenly; itself where it has none."""
+def on(curve: Static, levels: Floats, knots: int, by_bend: bool) -> Static:
+    """Return a curve on other knots over the levels that arrive, by where it bends or evenly; itself where it has none.
+
+    Where it bends, but no more knots than one for fifty samples: a bend that a few samples made would draw ever more knots
+    to itself, and at the end of the curve its slope would go on beyond it.
+    """
+    span = float(levels.min()), float(levels.max())
     if not isinstance(curve, (Spline, Table, Kinked)):
         return curve
     if isinstance(curve, Kinked):
         fine = np.linspace(*span, 400)
-        return _kinked(fine, curve.value(fine), _placed(curve, span, knots + 2, by_bend)[1:-1], len(curve.kinks[0]))
-    inputs = _placed(curve, span, knots, by_bend)
+        return _kinked(fine, curve.value(fine), _placed(curve, levels, knots + 2, by_bend)[1:-1], len(curve.kinks[0]))
+    inputs = _placed(curve, levels, knots, by_bend)
     points, heights = tuple(map(float, inputs)), tuple(map(float, curve.value(inputs)))
     if isinstance(curve, Spline):
         return Spline(inputs=points, outputs=heights)
@@ -101,13 +109,19 @@ def shifted(curve: Static, by: float) -> Static | None:
     return replace(curve, low=curve.low + by, high=curve.high + by) if isinstance(curve, DeadZone) else None
 
 
-def _placed(curve: Static, span: tuple[float, float], knots: int, by_bend: bool) -> Floats:
+def _placed(curve: Static, levels: Floats, knots: int, by_bend: bool) -> Floats:
+    fine = np.linspace(float(levels.min()), float(levels.max()), 1000)
     if not by_bend:
-        return np.linspace(*span, knots)
-    fine = np.linspace(*span, 1000)
+        return np.linspace(fine[0], fine[-1], knots)
     slope = np.gradient(curve.value(fine), fine)
     density = np.sqrt(np.abs(np.gradient(slope, fine)))
-    share = np.cumsum(density + EVEN * max(float(density.mean()), 1e-300))
+    density += EVEN * max(float(density.mean()), 1e-300)
+    most = np.histogram(levels, BINS)[0] / min(SEEN, len(levels) / (SPARE * knots)) + 1e-9  # knots a bin
+    binned = density.reshape(BINS, -1)
+    for _ in range(ROUNDS):  # what is cut off goes elsewhere, and may be too much there
+        there = binned.sum(axis=1) * knots / binned.sum()
+        binned = binned * np.minimum(1.0, most / there)[:, None]
+    share = np.cumsum(binned)
     share = (share - share[0]) / (share[-1] - share[0])
     return np.asarray(np.interp(np.linspace(0, 1, knots), share, fine))
 

@@ -108,9 +108,10 @@ def knotted(windows: Sequence[Window], cascade: Cascade, knots: int, *, by_bend:
 
     Between two curves a line may move from one to the other: of the first of them two points are held.
     """
-    spans, parts = iter(reached(windows, cascade)), list[Filter | Static]()
+    arriving = [[x for part, x in cascade.arriving(w.u) if isinstance(part, Static)] for w in windows]
+    levels, parts = iter([np.concatenate(each) for each in zip(*arriving, strict=True)]), list[Filter | Static]()
     for part in cascade.parts:
-        parts.append(part if isinstance(part, Filter) else forms.on(part, next(spans), knots, by_bend))
+        parts.append(part if isinstance(part, Filter) else forms.on(part, next(levels), knots, by_bend))
     return gauged(cascade._replace(parts=tuple(parts)))
 
 
