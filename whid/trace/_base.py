@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from whid.effects._look import Look, Noise
-from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.system import System
 from whid.trace._forensics import without_suspects
 from whid.trace._gate import gate
-from whid.trace._refit import error2, fitted, searched
+from whid.trace._mend import across, at, searched, tried
+from whid.trace._refit import error2, fitted
 from whid.trace._state import Data, State, with_noise
 
 STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
@@ -45,20 +46,14 @@ def base(system: System, data: Data, path: str) -> State:
 def _best_of(system: System, look: Look, estimate: Estimate) -> tuple[Look, Estimate]:
     """Return the best fit from other starts: a gross error may be a fit that stopped at a wrong place.
 
-    Breakpoints are searched without derivatives, all other numbers absorbing what they can; then all numbers scattered.
+    Breakpoints are searched without derivatives, all other numbers absorbing what they can; jumps are stepped over; then all
+    numbers are scattered.
     """
-    starts = [each.system for each in [searched(look)] if each is not None]
+    found = [tried(start, look) for start in (across, searched)]
     rng = np.random.default_rng(SCATTERED)
     for _ in range(SCATTERED):
         free = system.tree.parameters()
         factors = 1 + 0.1 * rng.standard_normal(len(free))
         moved = {p.name: float(np.clip(p.value * f, p.lower, p.upper)) for p, f in zip(free, factors, strict=True)}
-        starts.append(replace(system, chain=system.tree.with_parameters(moved).chain))
-    for start in starts:
-        try:
-            other, found = fitted(look.moved(start))
-        except (WhidError, ValueError, np.linalg.LinAlgError):
-            continue
-        if error2(other) < error2(look):
-            look, estimate = other, found
-    return look, estimate
+        found.append(tried(partial(Look.moved, system=at(system, moved)), look))
+    return min([(look, estimate), *(each for each in found if each)], key=lambda each: error2(each[0]))

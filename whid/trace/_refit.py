@@ -18,8 +18,6 @@ from whid.refine import refine
 from whid.signal import Floats
 
 ENTANGLED = 0.9999  # correlation: such numbers are a hundred times as uncertain together as one alone
-ASIDE = 0.05  # of the range of v: how far off a breakpoint may be
-BORDERS = ("breaks", "low", "high", "inputs", "at")
 FEW = 5  # iterations from where the fit on samples ended
 POLISH = 4  # rounds of halving steps over numbers without a derivative that leads
 
@@ -155,42 +153,13 @@ def polished(look: Look, candidate: Candidate) -> Candidate:
         for name, reach in candidate.rough:
             width = reach / 4**turn
             for step in (-width, -width / 2, -width / 4, width / 4, width / 2, width):
-                trial = best.at({name: best.values[name] + step})
+                try:
+                    trial = best.at({name: best.values[name] + step})
+                except WhidError:  # a border beyond its neighbour: no such block
+                    continue
                 if (reached := _cost(look, trial)) < cost:
                     best, cost = trial, reached
     return best
-
-
-def searched(look: Look) -> Look | None:
-    """Return the look with its breakpoints searched without derivatives, all other numbers absorbing what they can."""
-    borders = [p.name for p in look.system.tree.parameters() if _head(p.name) in BORDERS]
-    sites = Sites(look.system, look.core)
-    if not borders or sites.looped:
-        return None
-    low, high = look.span((sites.nonlinear or [0])[0])
-    reach = tuple((name, ASIDE * (high - low)) for name in borders)
-    return look.moved(polished(look, Candidate(look.system, look.core, tuple(borders), (), reach)).system)
-
-
-def mended(before: Look, found: Refit) -> Refit:
-    """Return a refit with the breakpoints searched, where that finds a better place: what was missing had moved them."""
-    other = None if found.told is not None else searched(found.look)
-    if other is None:
-        return found
-    try:
-        after, estimate = fitted(other)
-    except (WhidError, ValueError, np.linalg.LinAlgError):
-        return found
-    chi2, reached = error2(after), found.candidate._replace(system=after.system)
-    if chi2 >= found.chi2:
-        return found
-    return found._replace(candidate=reached, look=after, estimate=estimate, chi2=chi2, gain=gain_over(before, chi2, reached))
-
-
-def _head(name: str) -> str:
-    """Return the field that a number belongs to: `breaks` of chain.1.breaks.0."""
-    parts = name.split(".")
-    return parts[-2] if parts[-1].isdecimal() else parts[-1]
 
 
 def _cost(look: Look, candidate: Candidate) -> float:

@@ -12,7 +12,8 @@ from whid.effects._look import Look
 from whid.signal import Floats, rms
 from whid.stages._whiten import whitened
 from whid.trace._gate import gate
-from whid.trace._refit import Refit, error2, mended, refit
+from whid.trace._mend import mended
+from whid.trace._refit import Refit, error2, refit
 from whid.trace._report import Ranking
 from whid.trace._selection import Bools
 from whid.trace._state import Data, State, reached
