@@ -25,13 +25,13 @@ def unscaled(t: Floats, domain: Domain) -> Floats:
     return np.asarray((a + b) / 2 + t * ((b - a) / 2))
 
 
-def basis(t: Floats, order: int) -> Floats:
-    """Return T₀(t) … T_K(t), (K + 1, N), by the recursion (4)-(6).
+def basis(t: Floats, order: int, out: Floats | None = None) -> Floats:
+    """Return T₀(t) … T_K(t), (K + 1, N), by the recursion (4)-(6); out: where they go.
 
     >>> basis(np.array([0.5]), 3)[:, 0]
     array([ 1. ,  0.5, -0.5, -1. ])
     """
-    rows = np.empty((order + 1, len(t)))
+    rows = np.empty((order + 1, len(t))) if out is None else out
     rows[0] = 1.0
     if order:
         rows[1] = t
@@ -82,6 +82,11 @@ class Moments(NamedTuple):
         return np.asarray((self.sums[j[:, None] + j] + self.sums[np.abs(j[:, None] - j)]) / 2)
 
 
+def empty(order: int) -> Moments:
+    """Return the moments of no samples."""
+    return Moments(np.zeros(2 * order + 1), np.zeros(order + 1), 0.0, 0)
+
+
 def moments(t: Floats, y: Floats, order: int, made: Floats | None = None) -> Moments:
     """Return the moments up to an order M of samples t, y (N,), chunk by chunk; made: T₀ … T_M of t where they are known.
 
@@ -91,7 +96,7 @@ def moments(t: Floats, y: Floats, order: int, made: Floats | None = None) -> Mom
     >>> bool(np.allclose(moments(t, t, 4).gram(4), basis(t, 4) @ basis(t, 4).T))
     True
     """
-    total = Moments(np.zeros(2 * order + 1), np.zeros(order + 1), 0.0, 0)
+    total = empty(order)
     for start in range(0, len(t), CHUNK):
         part = slice(start, start + CHUNK)
         rows = basis(t[part], order) if made is None else made[:, part]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from whid.fit import normal_equations
 from whid.signal import Floats
-from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, moments, scaled
+from whid.stages._cells import Cells
+from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, empty, moments, scaled
 from whid.stages._local_lines import Seen, Windows
 
 HEAD = 1 << 16  # samples behind the pilot
@@ -33,6 +35,7 @@ class CurveSums(NamedTuple):
     domain: Domain
     pilot: Floats  # (K + 1,) Chebyshev coefficients
     left: Moments  # of r, to the order K + extra
+    beyond: Moments  # of r outside the domain, to the order K
     square: float  # Σ y²
     crossed: Floats  # (K + 1, L) Σ T_k·earlier
     lags: Floats  # (L, L) Σ earlier·earlier
@@ -44,6 +47,19 @@ class CurveSums(NamedTuple):
         """Return K."""
         return len(self.pilot) - 1
 
+    def rest(self, coefficients: Floats) -> float:
+        """Return Σ (y − Σ cₖ Tₖ)² of all samples, those outside the domain as well.
+
+        >>> x = np.linspace(-2, 2, 101)
+        >>> round(curve_sums(one_chunk(x, x**2), 2, (-1.0, 1.0)).rest(np.array([0.0, 0.0, 0.5])), 9)
+        25.25
+        """
+        change, size = coefficients - self.pilot, self.order + 1
+        inside, outside = (
+            m.square - float(change @ (2 * m.products[:size] - m.gram(self.order) @ change)) for m in (self.left, self.beyond)
+        )
+        return max(0.0, inside) + max(0.0, outside)
+
 
 def one_chunk(x: Floats, y: Floats, earlier: Floats | None = None) -> list[Samples]:
     """Return arrays as the only chunk there is."""
@@ -53,7 +69,7 @@ def one_chunk(x: Floats, y: Floats, earlier: Floats | None = None) -> list[Sampl
 def curve_sums(
     chunks: Iterable[Samples], order: int, domain: Domain, extra: int | None = None, windows: Sequence[Windows] = ()
 ) -> CurveSums:
-    """Return the sums of all chunks in one pass, and fill the windows on the way.
+    """Return the sums of all chunks in one pass, and those of the windows.
 
     The pilot is least squares of the first 65 536 samples. extra: terms beyond K (left out: K + 1). Where the chunks are cut
     does not matter but for rounding.
@@ -66,32 +82,80 @@ def curve_sums(
     """
     wide = order + (order + 1 if extra is None else extra)
     head, rest = _head(iter(chunks))
-    known = _moments(head, wide, domain)  # of y: of what the pilot leaves over come the products only
-    pilot = normal_equations(known.gram(order), known.products[: order + 1], known.square, known.samples).values
-    left = Moments(known.sums, np.zeros(wide + 1), 0.0, known.samples)
     lags = len(head[0].earlier) if head else 0
-    crossed, inner, lagged = np.zeros((order + 1, lags)), np.zeros((lags, lags)), np.zeros(lags)
-    square, low, high, samples = 0.0, np.inf, -np.inf, 0
-    for chunks_of, more in ((head, False), (rest, True)):
-        for x, y, earlier in _small(chunks_of):
-            t = scaled(x, domain)
-            order_of = np.argsort(t)  # windows and the domain are then stretches, which no sample need be picked out for
-            t, y = t[order_of], y[order_of]
-            low, high, samples = min(low, float(t[0])), max(high, float(t[-1])), samples + len(t)
-            rows = basis(t, wide)
-            for each in windows:
-                each.add(t, y, rows)
-            inside = slice(int(np.searchsorted(t, -1.0)), int(np.searchsorted(t, 1.0, side="right")))
-            t, y, rows = t[inside], y[inside], rows[:, inside]
-            r = y - pilot @ rows[: order + 1]
-            left = left.joined(moments(t, r, wide, rows) if more else Moments(np.zeros(1), rows @ r, float(r @ r), 0))
-            square += float(y @ y)
-            if lags:
-                before = scaled(np.stack([row[order_of[inside]] for row in earlier]), domain)
-                crossed += rows[: order + 1] @ before.T
-                inner += before @ before.T
-                lagged += before @ r
-    return CurveSums(domain, pilot, left, square, crossed, inner, lagged, Seen(low, high, samples))
+    work = _Work(domain, wide, _pilot(head, order, domain), windows, lags)
+    for chunk in _small(chain(head, rest)):
+        work.add(*chunk)
+    for each in windows:
+        each.collect(work.cells)
+    return work.found()
+
+
+class _Work:
+    """The sums under way."""
+
+    def __init__(self, domain: Domain, wide: int, pilot: Floats, windows: Sequence[Windows], lags: int) -> None:
+        self.domain, self.pilot, self.size, self.sorts = domain, pilot, len(pilot), bool(windows)
+        self.left, self.beyond = empty(wide), empty(len(pilot) - 1)
+        self.crossed, self.inner, self.lagged = np.zeros((self.size, lags)), np.zeros((lags, lags)), np.zeros(lags)
+        self.square, self.seen = 0.0, Seen(np.inf, -np.inf, 0)
+        edges = np.array([-1.0, np.nextafter(1.0, 2.0)])
+        self.cells = Cells(np.concatenate([edges, *(each.cuts for each in windows)]), self.size)
+        self.domain_cells = self.cells.between(*edges)
+        self.rows = np.empty((max(wide, self.size) + 1, CHUNK))
+
+    def add(self, x: Floats, y: Floats, earlier: Floats) -> None:
+        """Add a chunk of samples."""
+        if not len(x):
+            return
+        t = scaled(x, self.domain)
+        low, high = float(t.min()), float(t.max())
+        self.seen = Seen(min(low, self.seen.low), max(high, self.seen.high), self.seen.samples + len(t))
+        order, inside = None, slice(0, len(t))
+        if self.sorts or low < -1 or high > 1:
+            grouped = self.cells.group(t)
+            order = grouped.order
+            t, y = t[order], y[order]
+            first, last = self.domain_cells[0], self.domain_cells[-1]
+            inside = slice(grouped.until(first), grouped.until(last + 1))
+        rows = basis(t, len(self.rows) - 1, self.rows[:, : len(t)])
+        if self.sorts:
+            self.cells.add(grouped, t, y, rows)
+        r = y - self.pilot @ rows[: self.size]
+        for part in (slice(0, inside.start), slice(inside.stop, len(t))):
+            if part.start < part.stop:
+                self.beyond = self.beyond.joined(moments(t[part], r[part], self.size - 1, rows[: self.size, part]))
+        self._inside(t[inside], y[inside], r[inside], rows[:, inside])
+        if len(earlier):
+            numbers = inside if order is None else order[inside]
+            self._lags(np.stack([row[numbers] for row in earlier]), r[inside], rows[: self.size, inside])
+
+    def _inside(self, t: Floats, y: Floats, r: Floats, rows: Floats) -> None:
+        wide = len(self.left.products) - 1
+        self.left = self.left.joined(moments(t, r, wide, rows[: wide + 1]))
+        self.square += float(y @ y)
+
+    def _lags(self, earlier: Floats, r: Floats, rows: Floats) -> None:
+        before = scaled(earlier, self.domain)
+        self.crossed += rows @ before.T
+        self.inner += before @ before.T
+        self.lagged += before @ r
+
+    def found(self) -> CurveSums:
+        """Return what was summed."""
+        return CurveSums(
+            self.domain, self.pilot, self.left, self.beyond, self.square, self.crossed, self.inner, self.lagged, self.seen
+        )
+
+
+def _pilot(head: Iterable[Samples], order: int, domain: Domain) -> Floats:
+    """Return the least-squares coefficients of the first samples."""
+    known = empty(order)
+    for x, y, _ in _small(head):
+        t = scaled(x, domain)
+        inside = np.abs(t) <= 1
+        known = known.joined(moments(t, y, order) if inside.all() else moments(t[inside], y[inside], order))
+    return normal_equations(known.gram(order), known.products, known.square, known.samples).values
 
 
 def _head(chunks: Iterator[Samples]) -> tuple[list[Samples], Iterator[Samples]]:
@@ -101,26 +165,12 @@ def _head(chunks: Iterator[Samples]) -> tuple[list[Samples], Iterator[Samples]]:
     for chunk in chunks:
         head.append(chunk.part(slice(0, missing)))
         if len(chunk.x) > missing:
-            return head, _after(chunk.part(slice(missing, None)), chunks)
+            return head, chain([chunk.part(slice(missing, None))], chunks)
         missing -= len(chunk.x)
     return head, chunks
-
-
-def _after(first: Samples, chunks: Iterator[Samples]) -> Iterator[Samples]:
-    yield first
-    yield from chunks
 
 
 def _small(chunks: Iterable[Samples]) -> Iterator[Samples]:
     """Yield samples in chunks whose basis stays in the cache."""
     for chunk in chunks:
         yield from (chunk.part(slice(k, k + CHUNK)) for k in range(0, len(chunk.x), CHUNK))
-
-
-def _moments(chunks: Iterable[Samples], order: int, domain: Domain) -> Moments:
-    found = Moments(np.zeros(2 * order + 1), np.zeros(order + 1), 0.0, 0)
-    for x, y, _ in _small(chunks):
-        t = scaled(x, domain)
-        inside = np.abs(t) <= 1
-        found = found.joined(moments(t, y, order) if inside.all() else moments(t[inside], y[inside], order))
-    return found

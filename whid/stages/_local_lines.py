@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whid.errors import WhidError
 from whid.signal import Floats
+from whid.stages._cells import Cells, first_line
 from whid.stages._chebyshev import Domain, basis, unscaled
 
 ROUNDING = 1e-9  # of a window's width: inputs closer together are one value
@@ -66,7 +68,7 @@ def half_widths(inputs: Iterable[Floats], centres: Floats, halves: Floats, min_p
 
 @dataclass
 class Windows:
-    """The windows of all nodes, filled chunk by chunk.
+    """The windows of all nodes, with the sums over their samples.
 
     order  K where the sums of T₀ … T_K are wanted too, else −1
 
@@ -92,26 +94,45 @@ class Windows:
         pairs = combinations(range(n), 2)
         self.shared = {(i, j): np.zeros(3) for i, j in pairs if min(high[i], high[j]) >= max(low[i], low[j])}
 
-    def add(self, t: Floats, y: Floats, rows: Floats) -> None:
-        """Add samples t, y (N,), t ascending; rows: T₀ … T_K of them, or more."""
-        first = np.searchsorted(t, self.centres - self.halves, side="left")
-        last = np.searchsorted(t, self.centres + self.halves, side="right")
-        self._take([slice(a, b) for a, b in zip(first, last, strict=True)], t, y, rows)
+    @property
+    def cuts(self) -> Floats:
+        """Return where the windows begin, and where what follows them does: both ends belong to a window."""
+        return np.concatenate([self.centres - self.halves, np.nextafter(self.centres + self.halves, np.inf)])
 
-    def _take(self, places: Sequence[Any], t: Floats, y: Floats, rows: Floats | None) -> None:
-        """Add the samples of every window, their places known: slices or numbers."""
+    def collect(self, cells: Cells) -> None:
+        """Take the sums of samples from cells that were cut at the windows' ends, and at the domain's."""
+        low, high = self.cuts.reshape(2, -1)
+        inside = cells.between(-1.0, np.nextafter(1.0, 2.0))
+        all_of = [cells.between(a, b) for a, b in zip(low, high, strict=True)]
+        for i, (mine, centre) in enumerate(zip(all_of, self.centres, strict=True)):
+            if not cells.counts[mine].any():
+                continue
+            main = mine[np.argmax(cells.counts[mine])]
+            value, slope = cells.lines[:, main]
+            self.near[i] = value + slope * (centre - cells.middles[main]), slope
+            self.sums[i] = cells.about(mine, centre, self.near[i])
+            self.ends[i] = cells.ends[0, mine].min() - centre, cells.ends[1, mine].max() - centre
+            if self.order >= 0:
+                self.terms[i] = _about(cells.terms[:, mine].sum(axis=1), centre, self.order)
+                outer = np.setdiff1d(mine, inside)
+                self.beyond[i] = _about(cells.terms[:, outer].sum(axis=1), centre, self.order)
+        for (i, j), shared in self.shared.items():
+            both = cells.about(np.intersect1d(all_of[i], all_of[j]), self.centres[i], self.near[i])
+            shared[:] = both[0, 0], both[0, 1], both[1, 1]
+
+    def _take(self, places: Sequence[NDArray[np.intp]], t: Floats, y: Floats) -> None:
+        """Take the samples of every window, their numbers known."""
         offsets = [t[where] - centre for where, centre in zip(places, self.centres, strict=True)]
         for i, (where, o) in enumerate(zip(places, offsets, strict=True)):
             if not len(o):
                 continue
-            if not self.sums[i, 0, 0]:
-                self.near[i] = _first_line(o, y[where])
+            self.near[i] = first_line(o, y[where])
             columns = np.ones((3, len(o)))
             columns[1], columns[2] = o, y[where] - self.near[i, 0] - self.near[i, 1] * o
             self.sums[i] += columns @ columns.T
             self.ends[i] = min(self.ends[i, 0], o.min()), max(self.ends[i, 1], o.max())
             if self.order >= 0:
-                local = basis(t[where], self.order) if rows is None else rows[: self.order + 1, where]
+                local = basis(t[where], self.order)
                 self.terms[i] += local @ columns[:2].T
                 out = np.abs(t[where]) > 1 if max(-self.ends[i, 0], self.ends[i, 1]) + abs(self.centres[i]) > 1 else _NONE
                 if out.any():
@@ -134,7 +155,7 @@ class Windows:
             found[i] = found[i] if found[i] <= WIDEST else np.inf
             places.append(where)
         windows = cls(centres, found, order)
-        windows._take(places, t, y, None)
+        windows._take(places, t, y)
         return windows
 
     def lines(self, domain: Domain, seen: Seen, min_points: int) -> list[Line]:
@@ -177,13 +198,11 @@ class Windows:
         return result
 
 
-def _first_line(o: Floats, y: Floats) -> tuple[float, float]:
-    """Return value and slope of the line through samples, of the constant where they are too few or at one input."""
-    middle, mean = float(o.mean()), float(y.mean())
-    away = o - middle
-    square = float(away @ away)
-    slope = float(away @ y) / square if len(o) > 2 and square > 0 else 0.0
-    return mean - slope * middle, slope
+def _about(sums: Floats, centre: float, order: int) -> Floats:
+    """Return Σ T_k and Σ o·T_k, (K + 1, 2), o from a centre, of Σ T_m, m ≤ K + 1: t·T_k = (T_{k+1} + T_{|k−1|})/2."""
+    k = np.arange(order + 1)
+    times = (sums[k + 1] + sums[np.abs(k - 1)]) / 2
+    return np.stack([sums[k], times - centre * sums[k]], axis=1)
 
 
 def _product(a: tuple[float, float], b: tuple[float, float], count: float, first: float, second: float) -> float:
