@@ -34,7 +34,7 @@ from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.kinds import plain
 from whid.long_record import LongRecord
-from whid.methods._method import Answered, Model, Wanted
+from whid.methods._method import Answered, Explained, Model, Wanted
 from whid.methods.fit import Fit
 from whid.quantity import Measured, Table
 from whid.record import Record
@@ -245,6 +245,8 @@ class _Work:
                     answer = self.serve(found)
                 elif isinstance(found, Answered):
                     self.asked[-1] = self.asked[-1]._replace(answer=found.text)
+                elif isinstance(found, Explained):
+                    self.misfits = found.misfits
                 else:
                     self.collect(found)
         except StopIteration:
@@ -299,6 +301,7 @@ class _Work:
                 self.note(found)
                 continue
             if isinstance(found, Model):
+                self.misfits = ()  # they were the other model's
                 self.stages["model_before"] = self.stages.pop("model")
             self.collect(found)
 
@@ -315,7 +318,7 @@ class _Work:
         path = _path(self.study)
         if self.statistics:
             self.misfits = tuple(misfit_of(record, record.y) for record in self.statistics.records)  # of no output: none
-        else:
+        elif not self.misfits:  # the method has not seen all that there is to see
             self.misfits = tuple(misfit(model.system.tree, record, path) for record in self.records)
         self.metrics = dict(score.score(model, self.records, self.misfits, self.study.plant))
         for stage in self.stages.values():

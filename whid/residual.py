@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from itertools import tee
 from typing import NamedTuple
 
@@ -103,41 +103,55 @@ def _streamed(tree: Block, record: LongRecord, path: str) -> Misfit:
     if record.initial == "free":
         head = record.head(20_000)
         state = free_state(tree, input_signal(tree, head, path), head)
-    low, high, errors, step = np.inf, -np.inf, [], _every(record)
-    ahead, behind, kept = tee(record.chunks(), 3)
+    kept, errors = Thinner(record), []
+    ahead, behind = tee(record.chunks())
     between = record.intersample if path == "exact" else "discrete"
     inputs = signals((chunk.u for chunk in behind), record.dt, between, record.t0, tree.panel_order(record.dt))
-
-    def predicted() -> Iterator[Chunk]:
-        nonlocal low, high
-        for chunk, y_hat in zip(ahead, respond_to(tree, inputs, record.initial, state), strict=True):
-            error = chunk.y - y_hat
-            for use in USES:
-                on = used(record, chunk, use)
-                if on.any():
-                    sizes[use] = sizes[use].joined(Size.of(error[on], chunk.y[on]))
-            low, high = min(low, float(chunk.u.min())), max(high, float(chunk.u.max()))
-            errors.append(error[-chunk.start % step :: step].copy())  # a view would keep the chunk
-            yield next(kept)
-
-    seen = thinned(record, predicted())
+    for chunk, y_hat in zip(ahead, respond_to(tree, inputs, record.initial, state), strict=True):
+        error = chunk.y - y_hat
+        for use in USES:
+            on = used(record, chunk, use)
+            if on.any():
+                sizes[use] = sizes[use].joined(Size.of(error[on], chunk.y[on]))
+        kept.add(chunk)
+        errors.append(error[kept.of(chunk)].copy())  # a view would keep the chunk
     reached: dict[str, Size] = {use: size for use, size in sizes.items() if size.samples}
-    return Misfit(reached, (low, high), seen, np.concatenate(errors))
+    return Misfit(reached, kept.reach, kept.record(), np.concatenate(errors))
 
 
-def _every(record: LongRecord) -> int:
-    return -(-len(record) // KEPT)
+class Thinner:
+    """Keeps every so many-th sample of a long record whose chunks pass by, and the range of the input."""
+
+    def __init__(self, record: LongRecord) -> None:
+        self.long, self.every = record, -(-len(record) // KEPT)
+        self.some: list[Floats] = []
+        self.reach = (np.inf, -np.inf)
+
+    def of(self, chunk: Chunk) -> slice:
+        """Return which samples of a chunk are kept."""
+        return slice(-chunk.start % self.every, None, self.every)
+
+    def add(self, chunk: Chunk) -> None:
+        """Keep some of a chunk."""
+        kept = self.of(chunk)
+        self.some.append(np.stack([chunk.u[kept], chunk.y[kept]]))
+        self.reach = min(self.reach[0], float(chunk.u.min())), max(self.reach[1], float(chunk.u.max()))
+
+    def record(self) -> Thinned:
+        """Return what was kept; what a part was is not to be seen in it, what it was for is."""
+        (u, y), every, long = np.concatenate(self.some, axis=1), self.every, self.long
+        at = (Steps(start=-(-(p.start or 0) // every), stop=-(-(p.stop or 1) // every), use=p.use) for p in long.parts)
+        parts = tuple(part for part in at if part.length > 0)
+        known = np.isfinite(y)
+        return Thinned(
+            u, y, long.dt * every, long.t0, None if known.all() else known, long.units, long.intersample,
+            long.initial, parts, long.name, long.use, every=every, samples=len(long), was=long.parts,
+        )  # fmt: skip
 
 
-def thinned(record: LongRecord, chunks: Iterable[Chunk] | None = None) -> Thinned:
-    """Return every so many-th sample; what a part was is not to be seen in them, what it was for is."""
-    every = _every(record)
-    some = [np.stack([c.u, c.y])[:, -c.start % every :: every].copy() for c in chunks or record.chunks()]
-    u, y = np.concatenate(some, axis=1)
-    at = (Steps(start=-(-(p.start or 0) // every), stop=-(-(p.stop or 1) // every), use=p.use) for p in record.parts)
-    parts = tuple(part for part in at if part.length > 0)
-    known = np.isfinite(y)
-    return Thinned(
-        u, y, record.dt * every, record.t0, None if known.all() else known, record.units, record.intersample,
-        record.initial, parts, record.name, record.use, every=every, samples=len(record), was=record.parts,
-    )  # fmt: skip
+def thinned(record: LongRecord) -> Thinned:
+    """Return every so many-th sample."""
+    kept = Thinner(record)
+    for chunk in record.chunks():
+        kept.add(chunk)
+    return kept.record()

@@ -11,6 +11,7 @@ from whid.experiments._part import Part
 from whid.fit import Estimate
 from whid.kinds import Kind
 from whid.record import Record
+from whid.residual import Misfit
 from whid.system import System
 
 if TYPE_CHECKING:
@@ -48,7 +49,13 @@ class Model(NamedTuple):
     missing: tuple[str, ...] = ()
 
 
-Stages = Generator[Any, Record | None, None]  # yields stage results (NamedTuples), Wanted and Answered; the Model last
+class Explained(NamedTuple):
+    """What the model leaves over of every record, of a method that has seen it already: it spares another pass."""
+
+    misfits: tuple[Misfit, ...]
+
+
+Stages = Generator[Any, Record | None, None]  # stage results (NamedTuples), Wanted, Answered, Explained; the Model last
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,11 +13,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
 from whid.long_record import LongRecord
-from whid.methods._method import Method, Model, Stages
-from whid.record import Record, used
-from whid.signal import Floats
+from whid.methods._method import Explained, Method, Model, Stages
+from whid.record import Chunk, Record, used
+from whid.residual import Misfit, Size, Thinner
+from whid.signal import Floats, Spread
 from whid.stages._chebyshev import Domain, evaluate, nodes, scaled
-from whid.stages._curve_sums import Samples, curve_sums
+from whid.stages._curve_sums import CurveSums, Samples, curve_sums
 from whid.stages._local_lines import Windows, half_widths
 from whid.stages.chebyshev_fit import ChebyshevFit, fit_of
 from whid.stages.curve_estimates import Choice, CurveEstimates, curve_estimates
@@ -94,6 +95,8 @@ class Memoryless(Method):
         yield data.colour(curve)
         if self.inverse:
             yield self._equaliser(data, curve)
+        if data.watched:
+            yield data.watched.explained(curve, sums)
         yield _model(curve, fit)
 
     def _equaliser(self, data: _Samples, curve: CurveEstimates) -> Equaliser:
@@ -114,6 +117,7 @@ class _Samples:
         self.records = [record for record in records if record.has("estimation")]
         if not self.records:
             raise WhidError("method-no-data", "no record has samples for estimation")
+        self.watched = _Watched.of(records)
 
     def chunks(self) -> Iterator[Samples]:
         """Yield input, output, and the inputs before."""
@@ -125,7 +129,10 @@ class _Samples:
                 before = extended[len(extended) - LAGS :]
                 earlier = sliding_window_view(extended[:-1], len(chunk.u))[::-1]
                 on = used(record, chunk, "estimation")
-                yield Samples(chunk.u, chunk.y, earlier) if on.all() else Samples(chunk.u[on], chunk.y[on], earlier[:, on])
+                whole = bool(on.all())
+                if self.watched:
+                    self.watched.add(chunk, chunk.y if whole else chunk.y[on])
+                yield Samples(chunk.u, chunk.y, earlier) if whole else Samples(chunk.u[on], chunk.y[on], earlier[:, on])
 
     def inputs(self) -> Iterator[Floats]:
         """Yield the inputs."""
@@ -177,6 +184,31 @@ class _Samples:
             raise WhidError("memory", f"{why}; identify the curve from the long record, the equaliser from a shorter one")
         x, y, _ = zip(*self.chunks(), strict=True)
         return np.concatenate(x), np.concatenate(y)
+
+
+class _Watched:
+    """The only record, a long one of estimation samples alone, as it passes by: a pass to assess the model is spared."""
+
+    def __init__(self, record: LongRecord) -> None:
+        self.kept, self.outputs = Thinner(record), Spread()
+
+    @classmethod
+    def of(cls, records: Sequence[Record | LongRecord]) -> _Watched | None:
+        """Return what watches, None where the sums do not tell all of the misfit."""
+        first, closed = records[0], any(record.has(use) for record in records for use in ("selection", "report"))
+        return cls(first) if isinstance(first, LongRecord) and len(records) == 1 and not closed else None
+
+    def add(self, chunk: Chunk, y: Floats) -> None:
+        """Watch a chunk, and its outputs that take part."""
+        self.kept.add(chunk)
+        self.outputs = self.outputs.joined(Spread.of(y))
+
+    def explained(self, curve: CurveEstimates, sums: CurveSums) -> Explained:
+        """Return what a curve leaves over."""
+        thinned, samples = self.kept.record(), sums.seen.samples
+        size = Size(samples, samples, sums.rest(curve.coefficients), self.outputs)
+        error = thinned.y - evaluate(scaled(thinned.u, curve.domain), curve.coefficients)
+        return Explained((Misfit({"estimation": size}, self.kept.reach, thinned, error),))
 
 
 def _beginning(record: Record | LongRecord) -> tuple[Floats, Floats]:

@@ -63,7 +63,8 @@ class Cells:
         """Return the order of samples (N,) by their cells."""
         place = t - self._low
         place *= 1 / self._step
-        np.clip(place, 0, FINE - 1, out=place)
+        np.maximum(place, 0, out=place)
+        np.minimum(place, FINE - 1, out=place)
         cell = self._table.take(place.astype(np.intp), mode="clip")
         unsure = np.flatnonzero(cell == self._unsure)
         cell[unsure] = np.searchsorted(self.cuts, t[unsure], side="right")
@@ -75,10 +76,9 @@ class Cells:
     def add(self, grouped: Grouped, t: Floats, y: Floats, rows: Floats) -> None:
         """Add samples t, y (N,) in their cells' order; rows: T₀ … of them, as many as are summed or more."""
         present, starts, counts = grouped.present, grouped.starts, grouped.counts
-        for k, start, count in zip(present, starts, counts, strict=True):
-            if not self.counts[k]:
-                part = slice(start, start + count)
-                self.lines[:, k] = first_line(t[part] - self.middles[k], y[part])
+        for i in np.flatnonzero(self.counts[present] == 0):
+            k, part = present[i], slice(starts[i], starts[i] + counts[i])
+            self.lines[:, k] = first_line(t[part] - self.middles[k], y[part])
         value, slope = self.lines[:, present]
         values = np.empty((5, len(t)))
         o, square, z, product, rest = values

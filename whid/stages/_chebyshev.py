@@ -10,7 +10,7 @@ import numpy as np
 from whid.signal import Floats
 
 Domain = tuple[float, float]
-CHUNK = 1 << 13  # samples: the basis of a chunk stays in the cache
+CHUNK = 1 << 15  # samples: what is made of a chunk costs more than the calls that make it, and stays in the cache
 
 
 def scaled(x: Floats, domain: Domain) -> Floats:

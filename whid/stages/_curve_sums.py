@@ -99,6 +99,8 @@ class _Work:
         self.left, self.beyond = empty(wide), empty(len(pilot) - 1)
         self.crossed, self.inner, self.lagged = np.zeros((self.size, lags)), np.zeros((lags, lags)), np.zeros(lags)
         self.square, self.seen = 0.0, Seen(np.inf, -np.inf, 0)
+        self.outside: list[tuple[Floats, Floats]] = []
+        self.before = np.empty((lags, CHUNK))
         edges = np.array([-1.0, np.nextafter(1.0, 2.0)])
         self.cells = Cells(np.concatenate([edges, *(each.cuts for each in windows)]), self.size)
         self.domain_cells = self.cells.between(*edges)
@@ -122,27 +124,36 @@ class _Work:
         if self.sorts:
             self.cells.add(grouped, t, y, rows)
         r = y - self.pilot @ rows[: self.size]
-        for part in (slice(0, inside.start), slice(inside.stop, len(t))):
-            if part.start < part.stop:
-                self.beyond = self.beyond.joined(moments(t[part], r[part], self.size - 1, rows[: self.size, part]))
-        self._inside(t[inside], y[inside], r[inside], rows[:, inside])
-        if len(earlier):
-            numbers = inside if order is None else order[inside]
-            self._lags(np.stack([row[numbers] for row in earlier]), r[inside], rows[: self.size, inside])
-
-    def _inside(self, t: Floats, y: Floats, r: Floats, rows: Floats) -> None:
-        wide = len(self.left.products) - 1
-        self.left = self.left.joined(moments(t, r, wide, rows[: wide + 1]))
+        if inside != slice(0, len(t)):
+            self._outside(*(np.delete(each, inside) for each in (t, r)))
+        r, y, rows, wide = r[inside], y[inside], rows[:, inside], len(self.left.products) - 1
+        self.left = self.left.joined(moments(t[inside], r, wide, rows[: wide + 1]))
         self.square += float(y @ y)
+        for k, row in enumerate(earlier):
+            self.before[k, : len(r)] = row[inside if order is None else order[inside]]
+        self._lags(scaled(self.before[:, : len(r)], self.domain), r, rows[: self.size])
 
-    def _lags(self, earlier: Floats, r: Floats, rows: Floats) -> None:
-        before = scaled(earlier, self.domain)
-        self.crossed += rows @ before.T
-        self.inner += before @ before.T
-        self.lagged += before @ r
+    def _lags(self, before: Floats, r: Floats, rows: Floats) -> None:
+        for k, row in enumerate(before):
+            self.crossed[:, k] += rows @ row  # one by one: a product of few long rows is slower
+            self.inner[k, k:] += before[k:] @ row
+            self.lagged[k] += row @ r
+
+    def _outside(self, t: Floats, r: Floats) -> None:
+        """Add samples outside the domain: a few of every chunk, gathered until they are many."""
+        self.outside.append((t, r))
+        if sum(len(each) for each, _ in self.outside) > CHUNK:
+            self._gathered()
+
+    def _gathered(self) -> None:
+        for t, r in [np.hstack(self.outside)] if self.outside else []:
+            self.beyond = self.beyond.joined(moments(t, r, self.size - 1))
+        self.outside = []
 
     def found(self) -> CurveSums:
         """Return what was summed."""
+        self._gathered()
+        self.inner += np.triu(self.inner, 1).T
         return CurveSums(
             self.domain, self.pilot, self.left, self.beyond, self.square, self.crossed, self.inner, self.lagged, self.seen
         )
