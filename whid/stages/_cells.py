@@ -37,12 +37,10 @@ class Cells:
     """
 
     def __init__(self, cuts: Floats, order: int) -> None:
-        self.cuts, n = np.unique(cuts[np.isfinite(cuts)]), 1
+        self.cuts = np.unique(cuts[np.isfinite(cuts)])
         n = len(self.cuts) + 1
         self.middles = np.concatenate([self.cuts[:1], (self.cuts[1:] + self.cuts[:-1]) / 2, self.cuts[-1:]])
-        self.terms = np.zeros((order + 1, n))
-        self.sums = np.zeros((5, n))  # o, o², z, oz, z²
-        self.counts = np.zeros(n, np.intp)
+        self.sums = np.zeros((6 + order, n))  # o, o², z, oz, z², T₀ …
         self.lines = np.zeros((2, n))  # value at the middle, and slope
         self.ends = np.tile([[np.inf], [-np.inf]], (1, n))
         self._tabulate()
@@ -68,32 +66,34 @@ class Cells:
         cell = self._table.take(place.astype(np.intp), mode="clip")
         unsure = np.flatnonzero(cell == self._unsure)
         cell[unsure] = np.searchsorted(self.cuts, t[unsure], side="right")
-        counts = np.bincount(cell, minlength=len(self.counts))
+        counts = np.bincount(cell, minlength=len(self.middles))
         present = np.flatnonzero(counts)
         counts = counts[present]
         return Grouped(np.argsort(cell, kind="stable"), present, np.cumsum(counts) - counts, counts)
 
     def add(self, grouped: Grouped, t: Floats, y: Floats, rows: Floats) -> None:
-        """Add samples t, y (N,) in their cells' order; rows: T₀ … of them, as many as are summed or more."""
+        """Add samples t, y (N,) in their cells' order; rows: room for five, and T₀ … of them, as many as are summed."""
         present, starts, counts = grouped.present, grouped.starts, grouped.counts
-        for i in np.flatnonzero(self.counts[present] == 0):
+        for i in np.flatnonzero(self.sums[5, present] == 0):
             k, part = present[i], slice(starts[i], starts[i] + counts[i])
             self.lines[:, k] = first_line(t[part] - self.middles[k], y[part])
         value, slope = self.lines[:, present]
-        values = np.empty((5, len(t)))
-        o, square, z, product, rest = values
+        o, square, z, product, rest = rows[:5]
         np.subtract(t, np.repeat(self.middles[present], counts), out=o)
         np.multiply(o, np.repeat(slope, counts), out=z)
+        z += np.repeat(value, counts)
         np.subtract(y, z, out=z)
-        z -= np.repeat(value, counts)
         np.multiply(o, o, out=square)
         np.multiply(o, z, out=product)
         np.multiply(z, z, out=rest)
-        self.counts[present] += counts
-        self.sums[:, present] += np.add.reduceat(values, starts, axis=1)
-        self.terms[:, present] += np.add.reduceat(rows[: len(self.terms)], starts, axis=1)
+        self.sums[:, present] += np.add.reduceat(rows, starts, axis=1)
         self.ends[0, present] = np.minimum(self.ends[0, present], np.minimum.reduceat(t, starts))
         self.ends[1, present] = np.maximum(self.ends[1, present], np.maximum.reduceat(t, starts))
+
+    @property
+    def terms(self) -> Floats:
+        """Return Σ T₀ … of every cell; the first is how many samples it has."""
+        return self.sums[5:]
 
     def between(self, low: float, high: float) -> NDArray[np.intp]:
         """Return the cells from one cut to below another."""
@@ -103,8 +103,8 @@ class Cells:
         """Return Σ of (1, o, z), products of each two, (3, 3), over cells together: o from a centre, z from one line there."""
         total = np.zeros((3, 3))
         for k in cells:
-            o, square, z, product, rest = self.sums[:, k]
-            own = np.array([[self.counts[k], o, z], [o, square, product], [z, product, rest]])
+            o, square, z, product, rest, count = self.sums[:6, k]
+            own = np.array([[count, o, z], [o, square, product], [z, product, rest]])
             off = self.middles[k] - centre
             value, slope = self.lines[:, k] - (line[0] + line[1] * off, line[1])
             shift = np.array([[1.0, 0.0, 0.0], [off, 1.0, 0.0], [value, slope, 1.0]])

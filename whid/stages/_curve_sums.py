@@ -92,25 +92,28 @@ def curve_sums(
 
 
 class _Work:
-    """The sums under way."""
+    """The sums under way.
+
+    The rows of a chunk are in one place, in an order that makes every sum one of few products: room for the cells' five;
+    T₀ … T_n, r; r·T_n, T₂ₙ, T₃ₙ, which stand for the terms beyond n, as T_{an+i} = 2 T_{an} T_i − T_{an−i}; earlier inputs.
+    """
 
     def __init__(self, domain: Domain, wide: int, pilot: Floats, windows: Sequence[Windows], lags: int) -> None:
-        self.domain, self.pilot, self.size, self.sorts = domain, pilot, len(pilot), bool(windows)
-        self.left, self.beyond = empty(wide), empty(len(pilot) - 1)
-        self.crossed, self.inner, self.lagged = np.zeros((self.size, lags)), np.zeros((lags, lags)), np.zeros(lags)
-        self.square, self.seen = 0.0, Seen(np.inf, -np.inf, 0)
-        self.outside: list[tuple[Floats, Floats]] = []
-        self.before = np.empty((lags, CHUNK))
+        self.domain, self.wide, self.pilot, self.sorts = domain, wide, pilot, bool(windows)
         edges = np.array([-1.0, np.nextafter(1.0, 2.0)])
-        self.cells = Cells(np.concatenate([edges, *(each.cuts for each in windows)]), self.size)
+        n = self.n = max(len(pilot), (wide + 1) // 2)
+        self.cells = Cells(np.concatenate([edges, *(each.cuts for each in windows)]), n)
         self.domain_cells = self.cells.between(*edges)
-        self.rows = np.empty((max(wide, self.size) + 1, CHUNK))
+        self.rows = np.empty((n + 10 + lags, CHUNK))
+        self.low, self.products, self.inner = np.zeros(n + 1), np.zeros((n + 2, 5 + lags)), np.zeros((lags, lags))
+        self.seen = Seen(np.inf, -np.inf, 0)
+        self.beyond, self.outside = empty(len(pilot) - 1), [np.empty((2, 0))]
 
     def add(self, x: Floats, y: Floats, earlier: Floats) -> None:
         """Add a chunk of samples."""
         if not len(x):
             return
-        t = scaled(x, self.domain)
+        t, n = scaled(x, self.domain), self.n
         low, high = float(t.min()), float(t.max())
         self.seen = Seen(min(low, self.seen.low), max(high, self.seen.high), self.seen.samples + len(t))
         order, inside = None, slice(0, len(t))
@@ -118,44 +121,61 @@ class _Work:
             grouped = self.cells.group(t)
             order = grouped.order
             t, y = t[order], y[order]
-            first, last = self.domain_cells[0], self.domain_cells[-1]
-            inside = slice(grouped.until(first), grouped.until(last + 1))
-        rows = basis(t, len(self.rows) - 1, self.rows[:, : len(t)])
+            inside = slice(grouped.until(self.domain_cells[0]), grouped.until(self.domain_cells[-1] + 1))
+        rows = self.rows[:, : len(t)]
+        terms, (r, by_r, double, triple), before = rows[5 : 6 + n], rows[6 + n : 10 + n], rows[10 + n :]
+        basis(t, n, terms)
         if self.sorts:
-            self.cells.add(grouped, t, y, rows)
-        r = y - self.pilot @ rows[: self.size]
-        if inside != slice(0, len(t)):
-            self._outside(*(np.delete(each, inside) for each in (t, r)))
-        r, y, rows, wide = r[inside], y[inside], rows[:, inside], len(self.left.products) - 1
-        self.left = self.left.joined(moments(t[inside], r, wide, rows[: wide + 1]))
-        self.square += float(y @ y)
-        for k, row in enumerate(earlier):
-            self.before[k, : len(r)] = row[inside if order is None else order[inside]]
-        self._lags(scaled(self.before[:, : len(r)], self.domain), r, rows[: self.size])
-
-    def _lags(self, before: Floats, r: Floats, rows: Floats) -> None:
-        for k, row in enumerate(before):
-            self.crossed[:, k] += rows @ row  # one by one: a product of few long rows is slower
-            self.inner[k, k:] += before[k:] @ row
-            self.lagged[k] += row @ r
-
-    def _outside(self, t: Floats, r: Floats) -> None:
-        """Add samples outside the domain: a few of every chunk, gathered until they are many."""
-        self.outside.append((t, r))
-        if sum(len(each) for each, _ in self.outside) > CHUNK:
+            self.cells.add(grouped, t, y, rows[: 6 + n])
+        np.subtract(y, self.pilot @ terms[: len(self.pilot)], out=r)
+        np.multiply(r, terms[n], out=by_r)
+        twice = terms[n] + terms[n]
+        np.multiply(twice, terms[n], out=double)
+        double -= 1
+        np.multiply(twice, double, out=triple)
+        triple -= terms[n]
+        for row, into in zip(earlier, before, strict=True):
+            if order is None:
+                into[:] = row
+            else:
+                np.take(row, order, out=into, mode="clip")
+        if self.domain != (-1.0, 1.0):
+            before[:] = scaled(before, self.domain)
+        self._sum(rows[:, inside])
+        for part in (slice(0, inside.start), slice(inside.stop, len(t))):
+            if part.start < part.stop:
+                self.outside.append(np.stack([t[part], r[part]]))
+        if sum(each.shape[1] for each in self.outside) > CHUNK:
             self._gathered()
 
+    def _sum(self, rows: Floats) -> None:
+        """Add the rows of samples in the domain."""
+        n = self.n
+        self.low += rows[5 : 6 + n] @ rows[5]
+        self.products += rows[5 : 7 + n] @ rows[5 + n :].T
+        if len(self.inner):
+            before = rows[10 + n :]
+            self.inner += before @ before.T
+
     def _gathered(self) -> None:
-        for t, r in [np.hstack(self.outside)] if self.outside else []:
-            self.beyond = self.beyond.joined(moments(t, r, self.size - 1))
-        self.outside = []
+        """Add the samples outside the domain, a few of every chunk, when they are many."""
+        t, r = np.hstack(self.outside)
+        self.beyond, self.outside = self.beyond.joined(moments(t, r, len(self.pilot) - 1)), [np.empty((2, 0))]
 
     def found(self) -> CurveSums:
         """Return what was summed."""
         self._gathered()
-        self.inner += np.triu(self.inner, 1).T
+        n, size, products = self.n, len(self.pilot), self.products
+        sums, of_r = np.zeros(4 * n + 1), np.zeros(2 * n + 1)
+        sums[: n + 1], of_r[: n + 1] = self.low, products[: n + 1, 1]
+        for a, column in ((1, 0), (2, 3), (3, 4)):
+            sums[a * n : (a + 1) * n + 1] = 2 * products[: n + 1, column] - sums[(a - 1) * n : a * n + 1][::-1]
+        of_r[n:] = 2 * products[: n + 1, 2] - of_r[: n + 1][::-1]
+        square = float(products[n + 1, 1])
+        left = Moments(sums[: 2 * self.wide + 1], of_r[: self.wide + 1], square, round(self.low[0]))
+        outputs = square + float(self.pilot @ (2 * of_r[:size] + left.gram(size - 1) @ self.pilot))
         return CurveSums(
-            self.domain, self.pilot, self.left, self.beyond, self.square, self.crossed, self.inner, self.lagged, self.seen
+            self.domain, self.pilot, left, self.beyond, outputs, products[:size, 5:], self.inner, products[n + 1, 5:], self.seen
         )
 
 

@@ -105,9 +105,9 @@ class Windows:
         inside = cells.between(-1.0, np.nextafter(1.0, 2.0))
         all_of = [cells.between(a, b) for a, b in zip(low, high, strict=True)]
         for i, (mine, centre) in enumerate(zip(all_of, self.centres, strict=True)):
-            if not cells.counts[mine].any():
+            if not cells.terms[0, mine].any():
                 continue
-            main = mine[np.argmax(cells.counts[mine])]
+            main = mine[np.argmax(cells.terms[0, mine])]
             value, slope = cells.lines[:, main]
             self.near[i] = value + slope * (centre - cells.middles[main]), slope
             self.sums[i] = cells.about(mine, centre, self.near[i])
