@@ -28,8 +28,8 @@ class Grouped(NamedTuple):
 class Cells:
     """Cells between cuts, cell k from cuts[k − 1] to below cuts[k], the first and the last open; (C + 1,) for C cuts.
 
-    Of every cell: Σ T_m to an order; of (1, o, z) the products of each two, o from the middle of the cell, z = y less the line
-    of its first samples, so that nothing cancels; the smallest and largest input.
+    Of every cell: Σ T_m to an order; of (1, o, z) the products of each two, o from the middle of the cell, z = y less
+    the line of its first samples, so that nothing cancels; the smallest and largest input.
 
     >>> cells = Cells(np.array([-1.0, 0.0, 1.0]), 1)
     >>> cells.group(np.array([0.5, -0.5, -1.0, 2.0, 1.0])).order
@@ -100,7 +100,7 @@ class Cells:
         return np.arange(np.searchsorted(self.cuts, low) + 1, np.searchsorted(self.cuts, high) + 1)
 
     def about(self, cells: NDArray[np.intp], centre: float, line: Floats) -> Floats:
-        """Return Σ of (1, o, z), products of each two, (3, 3), over cells together: o from a centre, z from one line there."""
+        """Return Σ of (1, o, z), products of each two, (3, 3), of cells together: o from a centre, z from a line there."""
         total = np.zeros((3, 3))
         for k in cells:
             o, square, z, product, rest, count = self.sums[:6, k]

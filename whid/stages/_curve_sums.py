@@ -56,7 +56,8 @@ class CurveSums(NamedTuple):
         """
         change, size = coefficients - self.pilot, self.order + 1
         inside, outside = (
-            m.square - float(change @ (2 * m.products[:size] - m.gram(self.order) @ change)) for m in (self.left, self.beyond)
+            m.square - float(change @ (2 * m.products[:size] - m.gram(self.order) @ change))
+            for m in (self.left, self.beyond)
         )
         return max(0.0, inside) + max(0.0, outside)
 
@@ -175,7 +176,15 @@ class _Work:
         left = Moments(sums[: 2 * self.wide + 1], of_r[: self.wide + 1], square, round(self.low[0]))
         outputs = square + float(self.pilot @ (2 * of_r[:size] + left.gram(size - 1) @ self.pilot))
         return CurveSums(
-            self.domain, self.pilot, left, self.beyond, outputs, products[:size, 5:], self.inner, products[n + 1, 5:], self.seen
+            self.domain,
+            self.pilot,
+            left,
+            self.beyond,
+            outputs,
+            products[:size, 5:],
+            self.inner,
+            products[n + 1, 5:],
+            self.seen,
         )
 
 
