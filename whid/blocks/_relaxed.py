@@ -136,7 +136,8 @@ class _Watch:
         far = change > self.close * size
         if not np.any(far):
             return False
-        self.moved.append(float(np.max(change[far] / size[far])))
+        with np.errstate(divide="ignore"):  # nothing yet, then something: it moves
+            self.moved.append(float(np.max(change[far] / size[far])))
         slow = len(self.moved) > PATIENCE and self.moved[-1] > SLOW * self.moved[-1 - PATIENCE]
         return None if slow and new.samples > 1 else True
 

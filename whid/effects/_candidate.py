@@ -23,6 +23,7 @@ class Candidate(NamedTuple):
     terms      parts of the effect that can do without each other: the name of each and its numbers
     course     the numbers are a course in time, each one seen by its own stretch of the record only
     paid       nats that the numbers cost where a likelihood of their own says so (levels that are a random walk)
+    beyond     nats by which that likelihood exceeds what the numbers carry (the walk between two points of a course)
     read       numbers that were read off the record and are held, with their standard error
     """
 
@@ -37,6 +38,7 @@ class Candidate(NamedTuple):
     terms: tuple[tuple[str, tuple[str, ...]], ...] = ()
     course: bool = False
     paid: float | None = None
+    beyond: float = 0.0
 
     def penalty(self, samples: int) -> float:
         """Return the nats that its numbers and the values tried cost: ½·log of the samples that see a number, each."""
@@ -45,6 +47,11 @@ class Candidate(NamedTuple):
         count = len(self.new)
         each = samples / max(count, 1) if self.course else samples
         return float(count / 2 * np.log(each) + np.log(self.tried))
+
+    @property
+    def free(self) -> bool:
+        """Tell whether it is a course in time through three points or more: it can follow anything."""
+        return self.course and any(name.endswith("levels.2") for name in self.new)
 
     @property
     def values(self) -> dict[str, float]:

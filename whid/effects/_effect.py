@@ -76,7 +76,7 @@ def gain(look: Look, chi2: float, candidate: Candidate) -> float:
     """Return the log-likelihood that a fall of χ² to `chi2` gains, the effect's numbers and the values tried paid."""
     n = look.samples
     likelihood = n / 2 * np.log(look.chi2 / max(chi2, 1e-300))
-    return float(likelihood + candidate.seen - candidate.penalty(n))
+    return float(likelihood + candidate.seen + candidate.beyond - candidate.penalty(n))
 
 
 def _screened(effect: Effect, candidate: Candidate, look: Look) -> Screened | None:

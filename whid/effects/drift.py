@@ -45,7 +45,11 @@ class Drift(Effect):
                 yield sites.added(block_).candidate("omega", "cos.0", "sin.0", amplitude=("cos.0", "sin.0"))
 
     def screen(self, look: Look) -> list[Screened]:
-        """Return the courses as every effect does; the finest one, where it is a random walk, costs what that walk does."""
+        """Return the courses as every effect does; the finest one, where it is a random walk, by the walk's likelihood.
+
+        The walk has one number, the size of its steps: that is paid, and what the course fits of noise beyond the walk. What
+        the walk explains between the points of the course is `beyond`.
+        """
         found = super().screen(look)
         finest = next((s for s in found if len(s.candidate.new) == POINTS[-1]), None)
         if finest is None or len(look.records) != 1:
@@ -57,9 +61,12 @@ class Drift(Effect):
         every[look.use[0]] = look.left
         steps = 6 * np.expm1(2 * nats / look.samples) / len(every)  # of a walk that scatters so much about its mean
         walk = walking(every, look.use[0], float(steps))
-        worth = walk.nats - np.log(look.samples) / 2
+        number = np.log(look.samples) / 2
+        worth = walk.nats - number
         if worth > finest.gain:
-            walked = finest.candidate._replace(paid=float(nats - worth))
+            walked = finest.candidate._replace(
+                paid=float(number + max(nats - walk.nats, 0.0)), beyond=float(max(walk.nats - nats, 0.0))
+            )
             found = [finest._replace(candidate=walked, gain=float(worth)), *(s for s in found if s is not finest)]
         return sorted(found, key=lambda s: -s.gain)
 

@@ -16,8 +16,9 @@ from whid.effects._look import Look
 from whid.effects._sites import Sites
 
 SHARES = (0.01, 0.03, 0.08, 0.2, 0.5)  # of the range of v
-REACHES = (0.05, 0.12, 0.3)  # of the range of v, on either side of a corner: where its shape is free
-POINTS = 9  # of a free shape, its ends on the declared curve
+# of a free shape: its reach on either side of a corner, of the range of v, and its points, the ends on the declared curve; a
+# wide one with many points could not be told from the corner's own place and slopes
+SHAPES = ((0.05, 9), (0.12, 9), (0.12, 13), (0.3, 9))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +46,9 @@ class SoftKnee(Effect):
 
 def _shapes(block: Block, sites: Sites, place: int, low: float, high: float) -> Iterator[Candidate]:
     """Yield a spline beside the curve about every corner that the signal meets."""
-    ends = ("outputs.0", f"outputs.{POINTS - 1}")
-    names = tuple(f"outputs.{k}" for k in range(1, POINTS - 1))
     for corner in (b for b in block.breakpoints() if low < b < high):  # type: ignore[attr-defined]
-        for reach in REACHES:
-            inputs = corner + reach * (high - low) * np.linspace(-1, 1, POINTS)
-            shape = Spline(inputs=tuple(inputs.tolist()), outputs=(0.0,) * POINTS, fix=ends)
+        for reach, points in SHAPES:
+            ends, names = ("outputs.0", f"outputs.{points - 1}"), tuple(f"outputs.{k}" for k in range(1, points - 1))
+            inputs = corner + reach * (high - low) * np.linspace(-1, 1, points)
+            shape = Spline(inputs=tuple(inputs.tolist()), outputs=(0.0,) * points, fix=ends)
             yield sites.beside(place, shape).candidate(*names, amplitude=names)

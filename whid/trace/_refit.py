@@ -19,6 +19,7 @@ from whid.signal import Floats
 
 ENTANGLED = 0.9999  # correlation: such numbers are a hundred times as uncertain together as one alone
 FEW = 5  # iterations from where the fit on samples ended
+MOST = 100  # iterations more, of a fit that is to stay
 POLISH = 4  # rounds of halving steps over numbers without a derivative that leads
 
 
@@ -82,6 +83,20 @@ def fitted(look: Look, iterations: int = 40, held: Sequence[str] = ()) -> tuple[
     return look.moved(found.system), found.estimate
 
 
+def finished(refit: Refit) -> Refit:
+    """Return a refit that the limit of its steps ended, fitted on; a loop, or numbers without a slope, as they are."""
+    looped = Sites(refit.look.system, refit.look.core).looped
+    if refit.estimate.why_stop != "iteration limit" or refit.candidate.rough or looped:
+        return refit
+    before = error2(refit.look)
+    look, estimate = fitted(refit.look, MOST)
+    chi2 = error2(look)
+    gained = look.samples / 2 * float(np.log(before / max(chi2, 1e-300)))
+    reached = refit.candidate._replace(system=look.system)
+    done = estimate._replace(iterations=refit.estimate.iterations + estimate.iterations)
+    return refit._replace(candidate=reached, look=look, estimate=done, chi2=chi2, gain=refit.gain + gained)
+
+
 def _one(look: Look, start: Screened, iterations: int, known: bool) -> Refit | None:
     candidate = start.candidate
     if start.told is not None:
@@ -137,7 +152,7 @@ def gain_over(before: Look, chi2: float, candidate: Candidate) -> float:
     """Return the nats gained by a fall of the whole error's χ² to `chi2`, penalties paid."""
     n = before.samples
     likelihood = n / 2 * np.log(error2(before) / max(chi2, 1e-300))
-    return float(likelihood + candidate.seen - candidate.penalty(n))
+    return float(likelihood + candidate.seen + candidate.beyond - candidate.penalty(n))
 
 
 def error2(look: Look) -> float:

@@ -20,7 +20,7 @@ from whid.trace._state import Data, State, reached
 from whid.trace._terms import by_terms
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
-WORTH = 0.03  # of what the effects before it gained: less is how an effect was described, not another one
+WORTH = 0.03  # of what the effects before it gained, where the noise was measured: less is how an effect was described
 ONCE = 0.2  # of what described the noise before: a description that gains less mends the one that is there
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
@@ -45,9 +45,10 @@ class Round(NamedTuple):
 
 def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequence[Refit] = ()) -> Round:
     """Screen everything, refit the best few, and say which is to be added; `before`: what was added already."""
-    look, needed = here.look, max(NEEDED, WORTH * sum(f.gain for f in before if not f.told and not f.candidate.seen))
+    look, needed = here.look, max(NEEDED, _worth(before, data))
     described = ONCE * sum(f.gain for f in before if f.told and not f.told.hidden)
-    ranked = sorted((s for e in effects if (s := e.screen(look))), key=lambda s: (not _ahead(s[0]), -s[0].gain))
+    screened = (_counted(e.screen(look), here, data) for e in effects)
+    ranked = sorted(filter(None, screened), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
         first = starts[0]
@@ -77,6 +78,34 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
         starts = next(starts for starts in ranked if starts[0].effect.name == taken.effect.name)
         state = state._replace(way=tuple(reached(each, data) for each in by_terms(look, starts, taken)))
     return Round(ranking, state)
+
+
+def _counted(starts: Sequence[Screened], here: State, data: Data) -> list[Screened]:
+    """Return starts by what counts of their gain: a walk tells noise from noise, and what answers to the input is none.
+
+    Where nothing repeats and the residual still answers to the input, a course is worth what its points explain.
+    """
+    if data.floor.dof or not here.dirty:
+        return list(starts)
+    return sorted((_without_walk(start, here.look.samples) for start in starts), key=lambda s: -s.gain)
+
+
+def _without_walk(start: Screened, samples: int) -> Screened:
+    walked, plain = start.candidate, start.candidate._replace(paid=None, beyond=0.0)
+    gain = start.gain - walked.beyond + walked.penalty(samples) - plain.penalty(samples)
+    return start if walked.paid is None else start._replace(candidate=plain, gain=gain)
+
+
+def _worth(before: Sequence[Refit], data: Data) -> float:
+    """Return the nats below which an effect is how those before it were described, and not another one.
+
+    Only where the noise was measured: gains are then in units of it, and against what is far above it a small flaw of a
+    description gains a lot. Where nothing repeats the noise is what is left, less of it after every effect, and selection
+    data bear an effect out or do not.
+    """
+    if not data.floor.dof:
+        return 0.0
+    return WORTH * sum(f.gain for f in before if not f.told and not f.candidate.seen)
 
 
 def _ahead(first: Screened) -> bool:
@@ -192,9 +221,15 @@ def _entangled(found: Refit, here: State) -> bool:
 
 
 def _borne_out(found: Refit, data: Data) -> bool:
-    """Tell whether selection data bear a refit out, where nothing else measures the noise: a gain that is no chance."""
+    """Tell whether selection data bear a refit out, where nothing else measures the noise: a gain that is no chance.
+
+    They lie between what was fitted, and a free course goes through there as well. It must leave nothing that answers to the
+    input: else it may be what the input does, followed in time.
+    """
     if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
         return True
+    if found.candidate.free and not _clean(found):
+        return False
     return found.selection > BORNE_OUT * found.selection_std
 
 

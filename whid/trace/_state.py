@@ -18,7 +18,7 @@ from whid.system import System
 from whid.trace._floor import Floor, floor
 from whid.trace._forensics import Raw, forensics
 from whid.trace._gate import Gate, gate
-from whid.trace._refit import Refit, fitted
+from whid.trace._refit import Refit, finished, fitted
 from whid.trace._selection import Bools, cut
 
 ROUNDED = 0.8  # of the residual's rms
@@ -85,9 +85,13 @@ class State(NamedTuple):
 
 
 def reached(refit: Refit, data: Data, rivals: tuple[Refit, ...] = ()) -> State:
-    """Return the state of a model with an effect added; where nothing repeats its residual is the noise from now on."""
+    """Return the state of a model with an effect added; where nothing repeats its residual is the noise from now on.
+
+    That residual must then be the best that the model can do: a fit that the limit of its steps ended goes on.
+    """
     if data.floor.dof or refit.told:
         return State(refit.look, refit.estimate, gate(refit.look), refit, rivals)
+    refit = finished(refit._replace(look=with_noise(refit.look, data.coloured)))
     look, found = fitted(with_noise(refit.look, data.coloured), 0)  # the same numbers, as sure as they are now
     estimate = found._replace(why_stop=refit.estimate.why_stop, iterations=refit.estimate.iterations)
     return State(look, estimate, gate(look), refit._replace(estimate=estimate), rivals)
