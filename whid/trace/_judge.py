@@ -63,14 +63,23 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
         word = "ambiguous"
         sentence = f"ambiguous: {found[-1].name} or {' or '.join(f'{k}@{p}' for k, p in rivals)}"
     else:
-        word, sentence = (
-            "explained",
-            f"explained: {'; '.join(f'{f.name} ({f.words})' if f.words else f.name for f in found)}",
-        )
+        word, sentence = "explained", f"explained: {_in_words(found, steps, data)}"
     blank = Errors(*([float("nan")] * 6))
     return Verdict(
         word, sentence, found, rivals, leads, "", blank, blank, std, origin, first.gate.p, last.gate.p, (), float("nan")
     )
+
+
+def _in_words(found: Sequence[Found], steps: Sequence[State], data: Data) -> str:
+    """Return what was found, an effect after another; noise that was measured nowhere is told for what it may be."""
+    words = [f"{f.name} ({f.words})" if f.words else f.name for f in found]
+    told = [s.added is not None and s.added.told is not None and not s.added.told.hidden for s in steps]
+    if data.floor.dof or not any(told):
+        return "; ".join(words)
+    made = [w for w, noise in zip(words, told, strict=True) if not noise]
+    noises = [w for w, noise in zip(words, told, strict=True) if noise]
+    left = f"what is left over is described as {', '.join(noises)}: with nothing that repeats, noise and misfit look alike"
+    return "; ".join([*made, left])
 
 
 def astray(states: Sequence[State], data: Data) -> bool:
