@@ -28,7 +28,7 @@ CERTAIN = ("dropouts", "quantizer")  # seen without a model
 PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
 NEAR = 0.95  # of the best gain: a loop that gains less on samples is not fitted between them
 BEHIND = 0.25  # of the best score: what promises less is not refitted
-BLOCKS = 10  # of a single stretch of selection data, whose gains scatter as the standard error says
+BLOCKS = 10  # of selection data at least, whose gains scatter as the standard error says
 BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
 COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
 GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
@@ -57,6 +57,8 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
         best = max(fits, key=lambda f: f.gain, default=None)
         if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
             break
+        if _late(first, here, data) and any(_stands(f, here, data) and f.gain > needed for f in fits):
+            continue  # it would come after these
         known = data.floor.dof > 0
         enough = NEAR * best.gain - NEEDED if best and known else -np.inf
         found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
@@ -65,7 +67,7 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
         if known and not found.told and found.gain > needed and (best is None or found.gain > BEHIND * best.gain):
             found = found if _clean(found) else mended(look, found)
         fits.append(found if found.told else _on_selection(look, found, data))
-    good = [f for f in fits if not _vetoed(f) and not _entangled(f, here) and _borne_out(f, data)]
+    good = [f for f in fits if _stands(f, here, data)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = good[0] if good and good[0].gain > needed else None
@@ -177,16 +179,25 @@ def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
 
 
 def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
-    """Return gains at the samples that rank, summed over every stretch of them, a single one in BLOCKS pieces."""
-    ends = np.flatnonzero(np.diff(np.flatnonzero(keep)) > 1) + 1
-    parts = np.split(gain, ends)
-    parts = np.array_split(gain, BLOCKS) if len(parts) == 1 else parts
-    return [float(part.sum()) for part in parts if len(part)]
+    """Return gains at the samples that rank, summed over every stretch of them, few ones in pieces: BLOCKS in all."""
+    stretches = np.split(gain, np.flatnonzero(np.diff(np.flatnonzero(keep)) > 1) + 1)
+    pieces = -(-BLOCKS // len(stretches))
+    return [float(part.sum()) for stretch in stretches for part in np.array_split(stretch, pieces) if len(part)]
 
 
 def _scatter(blocks: Floats) -> float:
     """Return the standard error of a sum of independent blocks, from their scatter."""
     return float(np.std(blocks, ddof=1) * np.sqrt(len(blocks))) if len(blocks) > 1 else float("inf")
+
+
+def _late(first: Screened, here: State, data: Data) -> bool:
+    """Tell whether a start comes after all others that stand (see `_in_order`)."""
+    return not data.floor.dof and here.dirty and first.effect.kind in COURSES
+
+
+def _stands(found: Refit, here: State, data: Data) -> bool:
+    """Tell whether nothing speaks against a refit."""
+    return not _vetoed(found) and not _entangled(found, here) and _borne_out(found, data)
 
 
 def _vetoed(found: Refit) -> bool:
