@@ -48,7 +48,7 @@ class Ranking(NamedTuple):
     gain: Annotated[Floats, Quantity("nat", ("effect",))]  # of the joint refit, penalty paid; NaN: not refitted
     selection: Annotated[Floats, Quantity("nat", ("effect",), error="selection_std")]  # gain on selection data
     selection_std: Annotated[Floats, Quantity("nat", ("effect",))]
-    vetoed: tuple[str, ...]
+    against: tuple[str, ...]  # what speaks against a refit; empty: nothing, or not refitted
     taken: str  # what was added; empty: nothing
     margin: Annotated[float, Quantity("nat")]  # to the runner-up
     needed: Annotated[float, Quantity("nat")]
@@ -63,7 +63,7 @@ class Ranking(NamedTuple):
                     name, round(float(self.screened[k]), 1), round(float(self.gain[k]), 1) if fitted else None,
                     round(float(self.penalty[k]), 1),
                     Measured(float(self.selection[k]), float(self.selection_std[k])) if fitted else None,
-                    "vetoed" if name in self.vetoed else "added" if name == self.taken else "",
+                    "added" if name == self.taken else self.against[k],
                 )
             )  # fmt: skip
         rest = max(len(self.effect) - 12, 0)

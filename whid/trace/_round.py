@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +71,7 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = good[0] if good and good[0].gain > needed else None
-    ranking = _ranking(ranked, fits, [f.effect.name for f in fits if _vetoed(f)], taken, good, needed)
+    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data) for f in fits}, taken, good, needed)
     if taken is None:
         return Round(ranking, None)
     rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS and taken.effect.name != ASSUMED)
@@ -197,7 +197,25 @@ def _late(first: Screened, here: State, data: Data) -> bool:
 
 def _stands(found: Refit, here: State, data: Data) -> bool:
     """Tell whether nothing speaks against a refit."""
-    return not _vetoed(found) and not _entangled(found, here) and _borne_out(found, data)
+    return not _against(found, here, data)
+
+
+def _against(found: Refit, here: State, data: Data) -> str:
+    """Return what speaks against a refit, in words; empty: nothing.
+
+    Where nothing else measures the noise, selection data must bear a refit out: a gain that is no chance. They lie between
+    what was fitted, and a free course goes through there as well: it must leave nothing that answers to the input, else it
+    may be what the input does, followed in time.
+    """
+    if _vetoed(found):
+        return "vetoed"
+    if _entangled(found, here):
+        return "undoes a number of the model"
+    if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
+        return ""
+    if found.selection <= BORNE_OUT * found.selection_std:
+        return "not borne out"
+    return "may be the input, followed in time" if found.candidate.free and not _clean(found) else ""
 
 
 def _vetoed(found: Refit) -> bool:
@@ -231,21 +249,8 @@ def _entangled(found: Refit, here: State) -> bool:
     return max(grown, default=np.inf) > GROWN
 
 
-def _borne_out(found: Refit, data: Data) -> bool:
-    """Tell whether selection data bear a refit out, where nothing else measures the noise: a gain that is no chance.
-
-    They lie between what was fitted, and a free course goes through there as well. It must leave nothing that answers to the
-    input: else it may be what the input does, followed in time.
-    """
-    if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
-        return True
-    if found.candidate.free and not _clean(found):
-        return False
-    return found.selection > BORNE_OUT * found.selection_std
-
-
 def _ranking(
-    ranked: Sequence[Sequence[Screened]], fits: Sequence[Refit], vetoed: Sequence[str], taken: Refit | None,
+    ranked: Sequence[Sequence[Screened]], fits: Sequence[Refit], against: Mapping[str, str], taken: Refit | None,
     good: Sequence[Refit], needed: float,
 ) -> Ranking:  # fmt: skip
     by_name = {f.effect.name: f for f in fits}
@@ -265,6 +270,7 @@ def _ranking(
         names, count, tried, column(lambda f, s: s.told.penalty if s.told else s.candidate.penalty(n)),
         column(lambda f, s: s.gain),
         column(lambda f, s: f.gain if f else nan), column(lambda f, s: f.selection if f else nan),
-        column(lambda f, s: f.selection_std if f else nan), tuple(vetoed), taken.effect.name if taken else "",
+        column(lambda f, s: f.selection_std if f else nan), tuple(against.get(name, "") for name in names),
+        taken.effect.name if taken else "",
         good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, needed,
     )  # fmt: skip
