@@ -87,8 +87,9 @@ def test_t9_ball_and_hoop(tmp_path):
 @pytest.mark.slow
 def test_t9_wiener_hammerstein_benchmark(tmp_path):
     answer = trace("wh_sysid09", tmp_path)
-    assert names(answer) == ["soft_knee@nonlinearity", "intersample@time", "hum@output"]
-    reached = [1e3 * step["rms"] for step in answer["steps"][1:]]
+    assert names(answer)[:3] == ["soft_knee@nonlinearity", "intersample@time", "hum@output"]
+    assert set(names(answer)[3:]) <= {"coloured_noise@noise"}  # what is left over may be described, nothing else be made up
+    reached = [1e3 * step["rms"] for step in answer["steps"][1:4]]
     assert all(rms <= bar for rms, bar in zip(reached, (0.28, 0.235, 0.23), strict=True))
 
 

@@ -28,7 +28,8 @@ CERTAIN = ("dropouts", "quantizer")  # seen without a model
 PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
 NEAR = 0.95  # of the best gain: a loop that gains less on samples is not fitted between them
 BEHIND = 0.25  # of the best score: what promises less is not refitted
-BLOCKS = 10  # of selection data at least, whose gains scatter as the standard error says
+BLOCKS = 10  # of few stretches of selection data, whose gains scatter as the standard error says
+FEW = 5  # stretches below which they are cut: the misfit of one level of a staircase is one number, in two halves the same
 BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
 COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
 GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
@@ -179,9 +180,9 @@ def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
 
 
 def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
-    """Return gains at the samples that rank, summed over every stretch of them, few ones in pieces: BLOCKS in all."""
+    """Return gains at the samples that rank, summed over every stretch of them, less than FEW in BLOCKS pieces."""
     stretches = np.split(gain, np.flatnonzero(np.diff(np.flatnonzero(keep)) > 1) + 1)
-    pieces = -(-BLOCKS // len(stretches))
+    pieces = 1 if len(stretches) >= FEW else -(-BLOCKS // len(stretches))
     return [float(part.sum()) for stretch in stretches for part in np.array_split(stretch, pieces) if len(part)]
 
 
