@@ -20,6 +20,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Array = NDArray[Any]
 Ints = NDArray[np.intp]
 
 
@@ -90,6 +91,40 @@ class Sparse(NamedTuple):
 Between = Literal["discrete", "zoh"] | Callable[[], Panels]
 
 
+class Kept:
+    """What was made of a record's signals for one model: a trial's, which need not be made again for its linearisation.
+
+    Found again by the very objects it was made of. It only grows while it is open; it belongs to whoever clears it.
+
+    >>> kept, block = Kept(), object()
+    >>> kept.open = True
+    >>> kept.once(lambda: "a", block), kept.once(lambda: "b", block), kept.once(lambda: "c", object())
+    ('a', 'a', 'c')
+    """
+
+    def __init__(self) -> None:
+        self.open = False
+        self._known: dict[tuple[int, ...], tuple[tuple[Any, ...], Any]] = {}
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def once(self, make: Callable[[], Any], *of: Any) -> Any:
+        """Return what was made of these objects, or make it."""
+        key = tuple(map(id, of))
+        if key in self._known:
+            return self._known[key][1]
+        made = make()
+        if self.open:
+            self._known[key] = of, made  # they stay as long as their ids are a key
+        return made
+
+    def clear(self, *, open: bool = False) -> None:
+        """Forget everything, and keep what is made from now on or not."""
+        self._known.clear()
+        self.open = open
+
+
 @dataclass(frozen=True, eq=False)
 class Signal:
     """Samples x(t0 + n·dt), n = 0 … N−1, and the signal's course between them.
@@ -100,6 +135,7 @@ class Signal:
     between "discrete", "zoh", or a function that returns the `Panels` (called once, when somebody needs them)
     order   number of nodes an interval (q)
     sparse  the same panels of a stack of mostly zeros, made for a fraction of the cost; None where that is all there is
+    kept    where blocks keep what they make of the signal; None where nobody asks twice
     """
 
     values: Floats
@@ -108,6 +144,7 @@ class Signal:
     between: Between = "discrete"
     order: int = 4
     sparse: Callable[[], Sparse] | None = None
+    kept: Kept | None = None
 
     @cached_property
     def panels(self) -> Panels:
@@ -130,6 +167,10 @@ class Signal:
     def with_values(self, values: Floats, between: Between | None = None) -> Signal:
         """Return a signal on the same grid."""
         return Signal(values, self.dt, self.t0, self.between if between is None else between, self.order)
+
+    def once(self, make: Callable[[], Any], *of: Any) -> Any:
+        """Return what was made of these objects, or make it."""
+        return make() if self.kept is None else self.kept.once(make, *of)
 
     def __getitem__(self, part: slice) -> Signal:
         """Return a stretch of the signal, its course between samples included."""
@@ -221,11 +262,18 @@ def at(values: Floats, tau: Floats) -> Floats:
     q = values.shape[-2]
     share = rule(q).to_legendre.T @ legendre_at(tau.ravel(), q)  # (q, …): what every node contributes
     shares = share.reshape(q, *tau.shape)
-    nodes = values if tau.ndim == 1 else values[..., None, :, :]
-    found = shares[0] * nodes[..., 0, :]
-    for node in range(1, q):
-        found += shares[node] * nodes[..., node, :]
-    return np.asarray(found, float)
+    if tau.ndim == 1:
+        return np.asarray(np.einsum("qm,...qm->...m", shares, values), float)
+    return np.asarray(np.einsum("qkm,...qm->...km", shares, values), float)
+
+
+def picked(values: Array, index: Ints) -> Array:
+    """Return values[..., index] with its last axis contiguous: indexing puts the index first in memory, then all is slow.
+
+    >>> picked(np.arange(6.0).reshape(2, 3), np.array([2, 0])).tolist()
+    [[2.0, 0.0], [5.0, 3.0]]
+    """
+    return np.asarray(np.take(values, index, axis=-1))
 
 
 def legendre_at(tau: Floats, count: int) -> Floats:

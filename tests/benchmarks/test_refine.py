@@ -55,9 +55,9 @@ def thirty_numbers(course):
     return Problem(FreeNumbers(tree, held), data_of([replace(blank, y=predict(tree, blank) + noise)], tree))
 
 
-@pytest.mark.parametrize(("course", "held"), [("discrete", 0.3), ("zoh", 0.5)])
-def test_an_iteration_with_30_numbers_on_100_000_samples(course, held):
-    """The bar of .3 s is met at samples; between them, with a crossing in every third interval, it is not: .5 is held."""
+@pytest.mark.parametrize("course", ["discrete", "zoh"])
+def test_an_iteration_with_30_numbers_on_100_000_samples(course):
+    """A trial and its linearisation within .3 s: at samples, and between them with a crossing in every third interval."""
     problem = thirty_numbers(course)
 
     def step():
@@ -69,7 +69,7 @@ def test_an_iteration_with_30_numbers_on_100_000_samples(course, held):
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"\n{course}: 30 numbers, 100 000 samples: {typical:.2f} s a step (bar .3), {memory:.2f} GB (bar 1)")
     assert len(problem.parameters) == 30
-    assert typical < 3 * held  # on a core that is shared
+    assert typical < 3 * 0.3  # on a core that is shared
     assert memory < 1.0
 
 

@@ -21,7 +21,7 @@ from whid.predict import predict
 from whid.record import Record
 from whid.refine import band, bound, gains, multistart, profile, refine
 from whid.refine._free import FreeNumbers
-from whid.refine._problem import Problem, data_of
+from whid.refine._problem import KEPT, Problem, data_of
 from whid.system import System
 
 HARD = System(
@@ -308,3 +308,38 @@ def test_averaged_periods_give_the_answer_of_the_time_fit():
     np.testing.assert_allclose(averaged.rms, in_time.rms, rtol=1e-8)
     assert averaged.samples.tolist() == in_time.samples.tolist() == [4800.0]
     assert averaged.estimate.dof == in_time.estimate.dof
+
+
+@pytest.mark.parametrize("intersample", ["discrete", "zoh", "foh"])
+def test_a_trial_s_signals_serve_its_linearisation_and_nothing_else(intersample):
+    """The same numbers to the last bit as without a trial before, or with one elsewhere; nothing is kept afterwards."""
+    front, back = Linear(num=(1.0,), den=(0.5, 0.4, 1.0)), Linear(num=(0.3, 1.0), den=(0.5, 1.0))
+    tree = System(chain=(front, DeadZone(low=-0.4, high=0.6), back)).tree
+    u = 1.5 * np.random.default_rng(11).normal(size=40_000).cumsum() / 30
+    data = Record(u=u, y=0.9 * np.tanh(u), dt=0.1, intersample=intersample, initial="steady")
+    start = Problem(FreeNumbers(tree), data_of([data], tree)).start
+
+    def linearised(*trials):
+        problem = Problem(FreeNumbers(tree), data_of([data], tree))
+        costs = [problem.cost(factor * start) for factor in trials]
+        before = len(problem.data[0].kept)
+        found = problem.linearise(1.01 * start)
+        assert len(problem.data[0].kept) == 0
+        return found, costs, before
+
+    alone, _, nothing = linearised()
+    tried, costs, kept = linearised(0.97, 1.01)
+    elsewhere, *_ = linearised(1.01, 0.97)
+    assert nothing == 0 < kept
+    for other in (tried, elsewhere):
+        np.testing.assert_array_equal(alone.r, other.r)
+        np.testing.assert_array_equal(alone.projected, other.projected)
+    assert costs[-1] == pytest.approx(alone.chi2, rel=1e-12)
+
+
+def test_a_long_record_s_signals_are_not_kept():
+    lag = Linear(num=(1.0,), den=(1.0, 1.0))
+    u = np.random.default_rng(12).normal(size=KEPT + 1)
+    problem = Problem(FreeNumbers(lag), data_of([Record(u=u, y=u, dt=0.1)], lag))
+    problem.cost(problem.start)
+    assert len(problem.data[0].kept) == 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from whid.signal import NO_IMPULSES, Floats, Impulses, Panels, Signal, Splits, legendre_at, rule
+from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal, Splits, legendre_at, picked, rule
 
 Array = NDArray[Any]
 CLUSTERED = 1e7  # condition of the map to lfilter's delays, beyond it the cascade runs, on samples
@@ -64,6 +64,12 @@ class Realised:
     gamma: Array  # (s,) response of the state to an input held over one interval
     order: int
     discrete: bool
+    basis: Array  # (s, s) unitary: basis @ state is real
+
+    @cached_property
+    def real(self) -> tuple[Floats, Floats]:
+        """Return what nodes add to the next state (s, q) and the kernel (k, s), both in the real coordinates."""
+        return np.real(self.basis @ self.inner.state_w), np.real(self.inner.kernel @ self.basis.T)
 
     @cached_property
     def direct(self) -> Direct | None:
@@ -133,7 +139,7 @@ def realise(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realise
     """Return a system on the grid dt with q nodes an interval."""
     z, triangular = triangle(system.a)
     b, c = z.conj().T @ system.b, system.c @ z
-    return gridded(StateSpace(triangular, b, c, np.real(system.d)), dt, q, discrete=discrete)
+    return gridded(StateSpace(triangular, b, c, np.real(system.d)), z, dt, q, discrete=discrete)
 
 
 def triangle(a: Array) -> tuple[Array, Array]:
@@ -150,17 +156,17 @@ def triangle(a: Array) -> tuple[Array, Array]:
     return z, t
 
 
-def gridded(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realised:
-    """Return a system whose A is upper triangular on the grid dt."""
+def gridded(system: StateSpace, basis: Array, dt: float, q: int, *, discrete: bool) -> Realised:
+    """Return a system whose A is upper triangular on the grid dt; basis @ state is real."""
     from scipy.linalg import expm
 
     a, b, c, d = system
     s = len(b)
     if discrete:
-        return Realised(a, b, c, d, a, b, q, True)
+        return Realised(a, b, c, d, a, b, q, True, basis)
     a, b = a * dt, b * dt
     held = expm(np.block([[a, b[:, None]], [np.zeros((1, s + 1))]]))  # the input as one more, constant state
-    return Realised(a, b, c, d, np.triu(held[:s, :s]), held[:s, s], q, False)
+    return Realised(a, b, c, d, np.triu(held[:s, :s]), held[:s, s], q, False, basis)
 
 
 @lru_cache
@@ -182,26 +188,39 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
 
     A stack (p, N) gives a stack and a state (p, s); a system of several outputs gives a stack, one row an output.
     """
+    if signal.kept is None:
+        return _filtered(r, signal, state)
+
+    def made() -> tuple[Signal, Any]:
+        out, last = _filtered(r, signal, state)
+        return replace(out, kept=signal.kept), last
+
+    found: tuple[Signal, Any] = signal.once(made, filtered, r, signal, state)
+    return found
+
+
+def _filtered(r: Realised, signal: Signal, state: Any) -> tuple[Signal, Any]:
     from scipy.signal import lfilter
 
     s, values = len(r.phi), signal.values
     x0 = np.zeros((*values.shape[:-1], s), r.phi.dtype) if state is None else np.asarray(state)
     if not signal.samples or (not s and not callable(signal.between)):
         return signal.with_values(_through(r, values)), x0
-    direct = r.direct
+    direct, states = r.direct, None
     if direct is not None and (signal.sampled or not callable(signal.between)) and (signal.sampled or direct.exact):
         y, zf = lfilter(direct.num, direct.den, values, zi=np.real(x0 @ direct.to_zi.T))
         last = np.linalg.solve(direct.to_zi, zf.T).T
     elif direct is not None and direct.exact and not r.discrete:
         y, last = _summed(r, direct, signal, x0)
     else:
-        x, last = _states(r, _drive(r, signal), x0)
-        y = np.real(r.c @ x) + _through(r, values)
+        states = _states(r, _drive(r, signal), x0)
+        last = states[1]
+        y = _real(r.c, states[0]) + _through(r, values)
     if signal.sampled:
         return signal.with_values(y), last
     if r.discrete:  # a digital filter holds its output
         return signal.with_values(y, "zoh"), last
-    return signal.with_values(y, lambda: _between(r, signal, _states(r, _drive(r, signal), x0)[0])), last
+    return signal.with_values(y, lambda: _between(r, signal, (states or _states(r, _drive(r, signal), x0))[0])), last
 
 
 def _through(r: Realised, values: Floats) -> Floats:
@@ -212,21 +231,42 @@ def _summed(r: Realised, direct: Direct, signal: Signal, x0: Array) -> tuple[Flo
     """Return the samples and the last state by one filter of order s a signal: den(z)·y = Σ_l z⁻ˡ (to_zi @ drive)_l."""
     from scipy.signal import lfilter
 
-    s, n = len(r.phi), signal.samples
-    lagged = _arrived(signal, direct.weights, direct.kernel)
-    source, tail = np.zeros(signal.values.shape), np.zeros((*signal.values.shape[:-1], s))
+    n = signal.samples
+    source = _lagged(signal, direct.weights, direct.kernel)
+    y, zf = lfilter([1.0], direct.den, source[..., :n], zi=np.real(x0 @ direct.to_zi.T))
+    y = y + _through(r, signal.values) if r.d else y
+    return y, np.linalg.solve(direct.to_zi, (zf + source[..., n:]).T).T
+
+
+def _lagged(signal: Signal, weights: Floats, kernel: Floats) -> Floats:
+    """Return Σ_l z⁻ˡ drive_l, l = 1 … s, and what of it comes behind the last interval: (…, N + s)."""
+    n, s = signal.samples, len(weights)
+    if signal.sparse is None:
+        drive = _arrived(signal, weights, kernel)
+        out = np.zeros((*signal.values.shape[:-1], n + s))
+        for lag in range(1, s + 1):
+            out[..., lag : lag + n] += drive[..., lag - 1, :]
+        return out
+    few, rows = _few(signal, weights, kernel), len(signal.values)
+    out = np.zeros((rows + 1, n + s))  # the last one for what belongs to no row
+    first = len(few.dense)
     for lag in range(1, s + 1):
-        source[..., lag:] += lagged[..., lag - 1, : max(n - lag, 0)]
-        for j in range(max(lag - n, 0), lag):
-            tail[..., j] += lagged[..., lag - 1, n + j - lag]
-    y, zf = lfilter([1.0], direct.den, source, zi=np.real(x0 @ direct.to_zi.T))
-    return y + _through(r, signal.values), np.linalg.solve(direct.to_zi, (zf + tail).T).T
+        out[:first, lag : lag + n] += few.dense[:, lag - 1]
+    for part in few.parts:
+        at = np.where(part.place < 0, rows, part.place + first) * (n + s) + part.interval
+        for lag in range(1, s + 1):
+            np.add.at(out.reshape(-1), (at + lag).ravel(), part.drive[:, lag - 1].ravel())
+    for lag in range(1, s + 1 if len(few.hit) else 0):
+        _add(out[:rows], few.hit + lag, few.struck[:, lag - 1])
+    return out[:rows]
 
 
 def _drive(r: Realised, signal: Signal) -> Array:
     """Return what arrives at the state within every interval (…, s, N)."""
     if r.discrete or not callable(signal.between):
         return np.asarray(r.gamma[:, None] * signal.values[..., None, :])
+    if np.iscomplexobj(r.inner.kernel):  # half the work in real coordinates
+        return np.asarray(r.basis.conj().T @ _arrived(signal, *r.real))
     return _arrived(signal, r.inner.state_w, r.inner.kernel)
 
 
@@ -245,38 +285,70 @@ def _states(r: Realised, drive: Array, x0: Array) -> tuple[Array, Array]:
 def _arrived(signal: Signal, weights: Array, kernel: Array) -> Array:
     """Return Σ weight·value over the nodes of every interval (…, s, N), or of its sub-panels; impulses too."""
     if signal.sparse is None:
-        return _from_panels(signal.panels, signal.dt, weights, kernel)
-    sparse, rows = signal.sparse(), len(signal.values)
-    s, i = sparse.dense.splits, sparse.dense.impulses
-    share = _share(s, kernel, sparse.values.shape[-2]) if len(s.interval) else None
-    dense = _from_panels(sparse.dense._replace(impulses=NO_IMPULSES), signal.dt, weights, kernel, share)
-    first = len(dense)
-    drive = np.zeros((rows + 1, len(weights), signal.samples), dense.dtype)  # the last one for what belongs to no row
-    drive[:first] = dense
-    own, every = _product(weights, sparse.values), np.arange(signal.samples)
-    own[..., s.interval] = 0.0
-    target = drive[first:].swapaxes(1, 2)
-    for place, value in zip(sparse.place, own, strict=True):  # on one interval no two of them are the same row
-        target[place, every] += value.T
-    if share is not None:
-        inner = _weighed(share, sparse.split_values)
-        for place, value in zip(sparse.split_place, inner, strict=True):
-            np.add.at(target, (place, s.interval), value.T)
-    if len(i.interval):
-        _add(drive[:rows], i.interval, _series(kernel, 1 - i.at) / signal.dt * i.area[..., None, :])
+        panels = signal.panels
+        mine = _shares(signal, panels.splits, kernel, panels.values.shape[-2])
+        return _from_panels(panels, signal.dt, weights, kernel, mine)
+    few, rows = _few(signal, weights, kernel), len(signal.values)
+    drive = np.zeros((rows + 1, len(weights), signal.samples), few.dense.dtype)  # the last one for what belongs to no row
+    drive[: len(few.dense)] = few.dense
+    target = drive[len(few.dense) :].swapaxes(1, 2)
+    for part in few.parts:
+        for place, value in zip(part.place, part.drive, strict=True):
+            np.add.at(target, (place, part.interval), value.T)
+    if len(few.hit):
+        _add(drive[:rows], few.hit, few.struck)
     return drive[:rows]
 
 
-def _from_panels(panels: Panels, dt: float, weights: Array, kernel: Array, share: Array | None = None) -> Array:
+class _Part(NamedTuple):
+    """What arrives in the few rows of a sparse stack that are not 0 on an interval, or on a sub-panel."""
+
+    place: Ints  # (r, m)
+    interval: Ints  # (m,)
+    drive: Array  # (r, s, m)
+
+
+class _Few(NamedTuple):
+    """What arrives within every interval in a sparse stack."""
+
+    dense: Array  # (p₀, s, N)
+    parts: tuple[_Part, ...]
+    hit: Ints  # (k,) intervals with an impulse
+    struck: Array  # (p, s, k) what arrives of it
+
+
+def _few(signal: Signal, weights: Array, kernel: Array) -> _Few:
+    assert signal.sparse is not None
+    sparse = signal.sparse()
+    s, i = sparse.dense.splits, sparse.dense.impulses
+    share = _shares(signal, s, kernel, sparse.values.shape[-2])
+    dense = _from_panels(sparse.dense._replace(impulses=NO_IMPULSES), signal.dt, weights, kernel, share)
+    own = _product(weights, sparse.values)
+    own[..., s.interval] = 0.0
+    parts = [_Part(sparse.place, np.arange(signal.samples), own)]
+    if share is not None:
+        parts.append(_Part(sparse.split_place, s.interval, _weighed(share, sparse.split_values)))
+    struck = _series(kernel, 1 - i.at) / signal.dt * i.area[..., None, :] if len(i.interval) else np.empty((0, 0, 0))
+    return _Few(dense, tuple(parts), i.interval, struck)
+
+
+def _from_panels(panels: Panels, dt: float, weights: Array, kernel: Array, share: Array | None) -> Array:
     drive = _product(weights, panels.values)
     s, i = panels.splits, panels.impulses
-    if len(s.interval):
-        share = _share(s, kernel, s.values.shape[-2]) if share is None else share
+    if share is not None:
         first = np.flatnonzero(np.diff(s.interval, prepend=-1))
         drive[..., s.interval[first]] = np.add.reduceat(_weighed(share, s.values), first, axis=-1)
     if len(i.interval):
         _add(drive, i.interval, _series(kernel, 1 - i.at) / dt * i.area[..., None, :])
     return drive
+
+
+def _shares(signal: Signal, s: Splits, kernel: Array, q: int) -> Array | None:
+    """Return `_share` of a signal's sub-panels, None where it has none."""
+    if not len(s.interval):
+        return None
+    found: Array = signal.once(lambda: _share(s, kernel, q), _share, s.start, s.width, kernel)
+    return found
 
 
 def _share(s: Splits, kernel: Array, q: int) -> Array:
@@ -309,6 +381,15 @@ def _product(matrix: Array, values: Floats) -> Array:
     return out
 
 
+def _real(matrix: Array, x: Array, *more: Floats) -> Floats:
+    """Return the real part of matrix @ [x; more], real numbers below x, by one real product."""
+    if not np.iscomplexobj(matrix):
+        return np.asarray(matrix @ (np.concatenate([x, *more], axis=-2) if more else x))
+    s = x.shape[-2]
+    parts = matrix[..., :s].real, -matrix[..., :s].imag, matrix[..., s:].real
+    return np.asarray(np.concatenate(parts, axis=-1) @ np.concatenate([x.real, x.imag, *more], axis=-2))
+
+
 def _series(coefficients: Array, tau: Floats) -> Array:
     """Return Legendre series (k, …) in 2τ − 1 at τ of any shape: (…, *τ.shape)."""
     terms = legendre_at(tau.ravel(), len(coefficients))
@@ -318,16 +399,20 @@ def _series(coefficients: Array, tau: Floats) -> Array:
 
 def _between(r: Realised, signal: Signal, x: Array) -> Panels:
     """Return the output at the nodes: free motion of the state plus what the input adds within the interval."""
-    free, d = np.real(r.inner.nodes_c @ x), r.d if r.c.ndim == 1 else r.d[:, None, None]
-    if not callable(signal.between):
-        return Panels(free + (r.inner.nodes_w.sum(axis=-1)[..., None] + d) * signal.values[..., None, :])
-    panels = signal.panels
-    dense = free + r.inner.nodes_w @ panels.values + d * panels.values
+    q, d = r.order, r.d if r.c.ndim == 1 else r.d[:, None, None]
+    through = r.inner.nodes_w + d * np.eye(q)
+    held = not callable(signal.between)
+    panels = Panels(signal.values[..., None, :]) if held else signal.panels
+    into = through.sum(axis=-1, keepdims=True) if held else through
+    maps = np.concatenate([r.inner.nodes_c, into], axis=-1)  # one product, as a matrix of real numbers
+    dense = _real(maps.reshape(-1, maps.shape[-1]), x, panels.values).reshape(*x.shape[:-2], *maps.shape[:-1], -1)
+    if held:
+        return Panels(dense)
     s, i = panels.splits, panels.impulses
-    through = i._replace(area=_through(r, i.area)) if np.any(r.d) and len(i.at) else NO_IMPULSES
+    hits = i._replace(area=_through(r, i.area)) if np.any(r.d) and len(i.at) else NO_IMPULSES
     if not len(s.interval):
-        return Panels(dense, impulses=through)
-    return Panels(dense, s._replace(values=_inside(r, s, i, x, signal.dt) + d * s.values), through)
+        return Panels(dense, impulses=hits)
+    return Panels(dense, s._replace(values=_inside(r, s, i, x, signal.dt) + d * s.values), hits)
 
 
 def _inside(r: Realised, s: Splits, i: Impulses, x: Array, dt: float) -> Floats:
@@ -336,7 +421,7 @@ def _inside(r: Realised, s: Splits, i: Impulses, x: Array, dt: float) -> Floats:
     nodes, weights = rule(q).nodes, rule(q).weights
     t = s.start + s.width * nodes[:, None]  # (q, m)
     flow = _series(r.inner.flow_c, t)  # (…, s, q, m)
-    start = x[..., s.interval]
+    start = picked(x, s.interval)
     out = np.zeros((*x.shape[:-2], *r.c.shape[:-1], *t.shape))
     for k in range(x.shape[-2]):
         out += np.real(flow[..., k, :, :] * start[..., k, None, :])
@@ -349,7 +434,7 @@ def _inside(r: Realised, s: Splits, i: Impulses, x: Array, dt: float) -> Floats:
     while later < len(s.interval) and (same := s.interval[later:] == s.interval[:-later]).any():
         ahead, behind = np.flatnonzero(same) + later, np.flatnonzero(same)
         for node in range(q):  # an earlier sub-panel of the same interval, whole
-            part = _series(r.inner.kernel_c, t[node, ahead] - t[:, behind]) * s.values[..., behind] * weights[:, None]
+            part = _series(r.inner.kernel_c, t[node, ahead] - t[:, behind]) * picked(s.values, behind) * weights[:, None]
             out[..., node, ahead] += part.sum(axis=-2) * s.width[behind]
         later += 1
     first, last = np.searchsorted(s.interval, i.interval), np.searchsorted(s.interval, i.interval, side="right")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from whid.signal import NO_IMPULSES, NO_SPLITS, Floats, Impulses, Ints, Panels, Signal, Splits, at, rule
+from whid.signal import NO_IMPULSES, NO_SPLITS, Floats, Impulses, Ints, Panels, Signal, Splits, at, picked, rule
 
 Bools = NDArray[np.bool_]
 
@@ -42,7 +42,8 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
     owner, tau, which, slope = _crossings(parts, breaks)
     if not len(owner) and len(panels.splits.interval) == 0:
         return panels, NO_CROSSINGS
-    keep = np.isin(np.arange(len(parts.interval)), owner) | (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
+    keep = (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
+    keep[owner] = True
     whole = np.flatnonzero(keep)
     panel, begin = np.concatenate([whole, owner]), np.concatenate([np.zeros(len(whole)), tau])
     order = np.lexsort((begin, panel))
@@ -50,7 +51,7 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
     end = np.append(np.where(panel[1:] == panel[:-1], begin[1:], 1.0), 1.0)
     wide = end - begin > 1e-14
     panel, begin, end = panel[wide], begin[wide], end[wide]
-    inner = at(parts.values[:, panel], begin + (end - begin) * rule(len(parts.values)).nodes[:, None])
+    inner = at(picked(parts.values, panel), begin + (end - begin) * rule(len(parts.values)).nodes[:, None])
     start = parts.start[panel] + begin * parts.width[panel]
     splits = Splits(parts.interval[panel], start, (end - begin) * parts.width[panel], inner)
     when = parts.start[owner] + tau * parts.width[owner]
@@ -145,7 +146,7 @@ def sides(panels: Panels, index: Ints, when: Floats) -> tuple[Floats, Floats]:
 
 def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Floats:
     """Evaluate at `local` of each interval, on the sub-panel that `place` lies in where the interval is split."""
-    values = at(panels.values[..., index], local)
+    values = at(picked(panels.values, index), local)
     own = panels.splits
     if not len(own.interval):
         return values
@@ -153,7 +154,7 @@ def _values_at(panels: Panels, index: Ints, local: Floats, place: Floats) -> Flo
     hit = (panel >= 0) & (own.interval[panel] == index)
     p = panel[hit]
     inside = np.clip((local[..., hit] - own.start[p]) / own.width[p], 0.0, 1.0)
-    values[..., hit] = at(own.values[..., p], inside)
+    values[..., hit] = at(picked(own.values, p), inside)
     return values
 
 
@@ -164,12 +165,14 @@ def _candidates(panels: Panels, breaks: Floats) -> Splits:
     near[s.interval] = False
     dense = np.flatnonzero(near)
     if not len(s.interval):
-        return Splits(dense, np.zeros(len(dense)), np.ones(len(dense)), panels.values[:, dense])
+        return Splits(dense, np.zeros(len(dense)), np.ones(len(dense)), picked(panels.values, dense))
     index = np.concatenate([dense, s.interval])
     start = np.concatenate([np.zeros(len(dense)), s.start])
     order = np.lexsort((start, index))
     width = np.concatenate([np.ones(len(dense)), s.width])
-    return Splits(index[order], start[order], width[order], np.hstack([panels.values[:, dense], s.values])[:, order])
+    return Splits(
+        index[order], start[order], width[order], picked(np.hstack([picked(panels.values, dense), s.values]), order)
+    )
 
 
 def _near(values: Floats, breaks: Floats) -> Bools:
@@ -209,7 +212,7 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
     straight = np.abs(slope[0]) > np.abs(slope[1:]).sum(axis=0)
     moving = np.abs(ends[1] - ends[0]) > 1e-13 * size  # a level that sits on a breakpoint only rounds
     whole = np.flatnonzero(straight & moving)
-    before, after = np.searchsorted(breaks, ends[:, whole], side="right")
+    before, after = np.searchsorted(breaks, picked(ends, whole), side="right")
     one = _Stretches(whole, np.zeros(len(whole)), np.ones(len(whole)), before, after)
     bent = _bent(np.flatnonzero(~straight), course, slope, ends, breaks, size)
     panel, low, high, before, after = (np.concatenate(pair) for pair in zip(one, bent, strict=True))
@@ -218,8 +221,9 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
     nth = np.arange(len(stretch)) - np.repeat(np.cumsum(times) - times, times)
     which = np.minimum(before, after)[stretch] + nth
     owner, rising = panel[stretch], (after > before)[stretch]
-    tau = inverse(course[:, owner], slope[:, owner], breaks[which], low[stretch], high[stretch], rising)
-    return owner, tau, which, np.abs(_evaluate(slope[:, owner], tau))
+    mine, bend = picked(course, owner), picked(slope, owner)
+    tau = inverse(mine, bend, breaks[which], low[stretch], high[stretch], rising)
+    return owner, tau, which, np.abs(_evaluate(bend, tau))
 
 
 def _bent(mine: Ints, course: Floats, slope: Floats, ends: Floats, breaks: Floats, size: float) -> _Stretches:
@@ -261,7 +265,7 @@ def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
     rate = legendre.legvander(2 * grid - 1, len(slope) - 1) @ slope
     rising = rate > 0
     cell, panel = np.nonzero(rising[1:] != rising[:-1])
-    mine = slope[:, panel]
+    mine = picked(slope, panel)
     bend = np.asarray(2 * legendre.legder(mine, axis=0), np.float64)
     return cell, panel, inverse(mine, bend, 0.0, grid[cell], grid[cell + 1], rising[cell + 1, panel])
 
@@ -279,11 +283,11 @@ def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, 
         if not len(open_):
             break
         here = tau[open_]
-        error = _evaluate(course[:, open_], here) - target[open_]
+        error = _evaluate(picked(course, open_), here) - target[open_]
         above = (error >= 0) == rising[open_]
         low[open_], high[open_] = np.where(above, low[open_], here), np.where(above, here, high[open_])
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = here - error / _evaluate(slope[:, open_], here)
+            newton = here - error / _evaluate(picked(slope, open_), here)
         step = np.abs(newton - here)  # rounding may put the last one just outside the bracket, or keep it from shrinking
         there = (step <= 1e-15) | ((step <= 1e-12) & (step >= last[open_]))
         last[open_] = step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -38,6 +38,14 @@ class Static(Block):
         for row, name in zip(out, names, strict=True):
             row[...] = self.sensitivity(v, name)
 
+    def on_pieces(self, v: Floats) -> Floats:
+        """Return `value` on panels (q, n) that each lie on one piece of f; a leaf may look the piece up once a panel."""
+        return self.value(v)
+
+    def derivative_on_pieces(self, v: Floats) -> Floats:
+        """Return `derivative` on panels (q, n) that each lie on one piece of f."""
+        return self.derivative(v)
+
     def few(self, v: Floats, names: Sequence[str]) -> tuple[Ints, Floats] | None:
         """Return what of `sensitivities` is not 0 on panels that each lie on one piece of f, None where that is most of it.
 
@@ -59,11 +67,11 @@ class Static(Block):
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Apply f to the samples and, where the signal lives between them, to its panels."""
-        return self._output(signal, lambda: self._course(signal)), None
+        return self._output(signal, lambda: self._split(signal)), None
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Return f(v), then f′(v)·dv for every seed and ∂f/∂θ for every name, jumps as impulses in time."""
-        course = cache(lambda: self._course(signal))
+        course = cache(lambda: self._split(signal))
         out = self._output(signal, course)
         if not seeds and not wrt:
             return Tangents(out, [], None)
@@ -90,7 +98,9 @@ class Static(Block):
             return Sparse(between(()), place, inner, *(split_up[0] if split_up else none))
 
         mostly_zeros = len(wrt) > 1 and self.few(signal.values[None, :1], wrt) is not None
-        rates = Signal(values, signal.dt, signal.t0, between, signal.order, sparse if mostly_zeros else None)
+        rates = Signal(
+            values, signal.dt, signal.t0, between, signal.order, sparse if mostly_zeros else None, kept=signal.kept
+        )
         return Tangents(out, Bundle(rates), None)
 
     def steady(self, level: float, dt: float) -> tuple[float, State]:
@@ -102,10 +112,14 @@ class Static(Block):
         count = 0 if along is None else len(along)
         out = np.empty((count + len(wrt), *v.shape))
         if along is not None:
-            np.multiply(along, self.derivative(v), out=out[:count])
+            np.multiply(along, self.derivative(v) if v.ndim == 1 else self.derivative_on_pieces(v), out=out[:count])
         if wrt:
             self.sensitivities(v, wrt, out[count:])
         return out
+
+    def _split(self, signal: Signal) -> tuple[Panels, Crossings]:
+        found: tuple[Panels, Crossings] = signal.once(lambda: self._course(signal), Static._course, self, signal)
+        return found
 
     def _course(self, signal: Signal) -> tuple[Panels, Crossings]:
         return split(signal, self.breakpoints())
@@ -117,6 +131,14 @@ class Static(Block):
         return np.asarray(self.break_rates(name)[which])
 
     def _output(self, signal: Signal, course: Course) -> Signal:
+        if signal.kept is None:
+            return self._applied(signal, course)
+        found: Signal = signal.once(
+            lambda: replace(self._applied(signal, course), kept=signal.kept), Static._output, self, signal
+        )
+        return found
+
+    def _applied(self, signal: Signal, course: Course) -> Signal:
         values = self.value(signal.values)
         if not callable(signal.between):
             return signal.with_values(values)
@@ -124,7 +146,8 @@ class Static(Block):
         def between() -> Panels:
             panels, _ = course()
             s = panels.splits
-            return Panels(self.value(panels.values), s._replace(values=self.value(s.values)) if len(s.interval) else s)
+            inner = s._replace(values=self.on_pieces(s.values)) if len(s.interval) else s
+            return Panels(self.on_pieces(panels.values), inner)
 
         return signal.with_values(values, between)
 

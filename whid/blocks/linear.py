@@ -217,7 +217,8 @@ def _family(block: Linear, dt: float, q: int, names: tuple[str, ...]) -> Realise
         through.append(float(feed))
     whole = np.block([[t, np.outer(into, last)], [np.zeros_like(t), t]])
     system = StateSpace(whole, np.concatenate([np.zeros(n), into]), np.array(outputs), np.array(through))
-    return gridded(system, dt, q, discrete=block.dt is not None)
+    zero = np.zeros_like(z)
+    return gridded(system, np.block([[z, zero], [zero, z]]), dt, q, discrete=block.dt is not None)
 
 
 def _numerator(block: Linear, name: str) -> Floats:
@@ -234,7 +235,9 @@ def _numerator(block: Linear, name: str) -> Floats:
 
 
 def _started(r: Realised, signal: Signal, state: State) -> State:
-    return _steady_state(r, signal.values[..., 0]) if isinstance(state, str) and signal.samples else state
+    if not isinstance(state, str) or not signal.samples:
+        return state
+    return signal.once(lambda: _steady_state(r, signal.values[..., 0]), _steady_state, r, signal)
 
 
 def _steady_state(r: Realised, level: Any) -> Any:

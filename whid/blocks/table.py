@@ -52,14 +52,24 @@ class Table(Static):
 
     def value(self, v: Floats) -> Floats:
         """Return the interpolated output."""
-        k, x = self._cell(v)
-        line = np.take(self.outputs, k) + np.take(self._slopes(), k) * (x - np.take(self.inputs, k))
-        return self._rounded(np.asarray(line), v, self._bends(), bump)
+        return self._rounded(self._line(*self._cell(v)), v, self._bends(), bump)
+
+    def on_pieces(self, v: Floats) -> Floats:
+        """Return the interpolated output, the line looked up at each panel's middle."""
+        return self.value(v) if self.knee is not None else self._line(*self._piece(v))
 
     def derivative(self, v: Floats) -> Floats:
         """Return the slope of the line that v lies on."""
         k, x = self._cell(v)
         return self._rounded(np.where(x == v, np.take(self._slopes(), k), 0.0), v, self._bends(), lean)
+
+    def derivative_on_pieces(self, v: Floats) -> Floats:
+        """Return the slope of the line that each panel lies on."""
+        if self.knee is not None:
+            return self.derivative(v)
+        k, x = self._piece(v)
+        slope = np.broadcast_to(np.take(self._slopes(), k), v.shape)
+        return slope if x is v else np.where(x == v, slope, 0.0)
 
     def sensitivity(self, v: Floats, name: str) -> Floats:
         """Return the hat function of the point; moving it sideways is moving it down the lines beside it."""
@@ -84,22 +94,20 @@ class Table(Static):
         share = (x - np.take(self.inputs, k)) / np.take(np.diff(self.inputs), k)
         sideways = np.where(x == v, -np.take(self._slopes(), k), 0.0)
         out[...] = 0.0
-        rows, place = out.reshape(len(names), -1), np.arange(v.size)
+        flat, place = out.reshape(-1), np.arange(v.size)
         for head in ("outputs", "inputs"):
             mine = {int(name.partition(".")[2]): row for row, name in enumerate(names) if name.startswith(head)}
             row_of = np.array([mine.get(point, -1) for point in range(len(self.inputs))])
             for point, height in ((k, 1 - share), (k + 1, share)):
-                row = row_of[point].ravel()
-                hit = np.flatnonzero(row >= 0)
-                rows[row[hit], place[hit]] = (height if head == "outputs" else height * sideways).ravel()[hit]
+                row, here = row_of[point].ravel(), (height if head == "outputs" else height * sideways).ravel()
+                hit = slice(None) if row.min(initial=0) >= 0 else np.flatnonzero(row >= 0)
+                flat[row[hit] * v.size + place[hit]] = here[hit]
 
     def few(self, v: Floats, names: Sequence[str]) -> tuple[Ints, Floats] | None:
         """Return the hats of the two points that each panel lies between, unless knees round them."""
         if self.knee is not None:
             return None
-        middle = len(v) // 2
-        k = self._cell(v[middle])[0]
-        x = np.clip(v, self.inputs[0], self.inputs[-1]) if self.beyond == "hold" else v
+        k, x = self._piece(v)
         share = (x - np.take(self.inputs, k)) / np.take(np.diff(self.inputs), k)
         heads = [head for head in ("outputs", "inputs") if any(name.startswith(head) for name in names)]
         sideways = np.where(x == v, -np.take(self._slopes(), k), 0.0)
@@ -144,5 +152,14 @@ class Table(Static):
 
     def _cell(self, v: Floats) -> tuple[Ints, Floats]:
         """Return the line that v lies on, and v, held within the table where it is."""
-        k = np.searchsorted(self.inputs[1:-1], v, side="right")
-        return k, np.asarray(np.clip(v, self.inputs[0], self.inputs[-1]) if self.beyond == "hold" else v)
+        return np.searchsorted(self.inputs[1:-1], v, side="right"), self._within(v)
+
+    def _piece(self, v: Floats) -> tuple[Ints, Floats]:
+        """Return the line that each panel (q, n) lies on, and v, held within the table where it is."""
+        return self._cell(v[len(v) // 2])[0], self._within(v)
+
+    def _line(self, k: Ints, x: Floats) -> Floats:
+        return np.asarray(np.take(self.outputs, k) + np.take(self._slopes(), k) * (x - np.take(self.inputs, k)))
+
+    def _within(self, v: Floats) -> Floats:
+        return np.asarray(np.clip(v, self.inputs[0], self.inputs[-1]) if self.beyond == "hold" else v)

@@ -18,12 +18,13 @@ from whid.fit import Parameter, Triangle
 from whid.predict import chunks, input_signal
 from whid.record import CHUNK, Record
 from whid.refine._free import FreeNumbers, walk
-from whid.signal import Floats, Signal, joined
+from whid.signal import Floats, Kept, Signal, joined
 from whid.stages._whiten import whitened
 
 Bools = NDArray[np.bool_]
 FASTEST = 100.0  # of a pole, per sample: beyond, a block passes its input on, and the exact path gets slow
 LEAST = 16384  # samples of a chunk of tangents: many tangents in short chunks stay in the cache, too
+KEPT = 1 << 18  # samples of all records, at most, whose signals a trial keeps for its linearisation: some 300 B a sample
 MOST_STATES = 8  # unknown levels of the past of one record, at most
 
 
@@ -53,6 +54,16 @@ class Data:
         return {}
 
     @cached_property
+    def _parts(self) -> dict[tuple[int, bool, int, int], Signal]:
+        """Return its chunks."""
+        return {}
+
+    @cached_property
+    def kept(self) -> Kept:
+        """Return what a trial made of its input."""
+        return Kept()
+
+    @cached_property
     def last(self) -> int:
         """Return where the samples that count end: nothing behind needs simulating."""
         return int(np.flatnonzero(self.use)[-1]) + 1
@@ -69,6 +80,15 @@ class Data:
         if key not in self._inputs:
             self._inputs[key] = input_signal(tree, self.record, path)
         return self.begun(self._inputs[key], past)
+
+    def part(self, u: Signal, part: slice) -> Signal:
+        """Return a chunk of the input, the same one every time, so that what was made of it is found in `kept`."""
+        if self.past:
+            return u[part]
+        key = u.order, u.sampled, part.start, part.stop
+        if key not in self._parts:
+            self._parts[key] = replace(u[part], kept=self.kept)
+        return self._parts[key]
 
     def begun(self, u: Signal, past: Floats) -> Signal:
         """Return an input with what stands for its past in front of it."""
@@ -168,6 +188,8 @@ class Problem:
             tree = self.free.at(theta[: len(self.free.parameters)])
             if any(fastest(tree, d.record.dt) > FASTEST for d in self.data):
                 return float("inf")
+            for d in self.data:
+                d.kept.clear(open=sum(len(each.record) for each in self.data) <= KEPT)
             rows = self._rows(theta, tangents=False)
             return self._scatter + sum(float(part[:, 0] @ part[:, 0]) for part in rows)
         except (WhidError, ValueError, np.linalg.LinAlgError):
@@ -178,7 +200,11 @@ class Problem:
         key = theta.tobytes()
         if key not in self.latest:
             self.latest.clear()
+            for d in self.data:
+                d.kept.open = False  # a trial's signals serve; those of tangents are not worth their memory
             found = Triangle.stacked(self._rows(theta, tangents=True))
+            for d in self.data:
+                d.kept.clear()
             count = sum(d.samples for d in self.data)
             self.latest[key] = found._replace(rest=found.rest + self._scatter, samples=count)
         return self.latest[key]
@@ -226,15 +252,16 @@ class Problem:
         u = u if tree.looks_ahead() else u[: d.lead + d.last]
         state, seeds = d.start(tree, u), stacked(d.seeds(u)) if levels and d.lead else None
         own = len(self.free.parameters)
-        for part in chunks(u.samples, tree, CHUNK if levels is None else max(CHUNK // max(size, 1), LEAST)):
+        for part in chunks(u.samples, tree, max(CHUNK // max(size, 1), LEAST)):
             keep = max(d.lead - part.start, 0)
-            rows = np.zeros((1 if levels is None else size + 1, max(part.stop - part.start - keep, 0)))
+            rows = np.empty((1 if levels is None else size + 1, max(part.stop - part.start - keep, 0)))
             if levels is None:
-                out, state = tree.step(u[part], state)
+                out, state = tree.step(d.part(u, part), state)
             else:
                 before = [] if seeds is None else Bundle(seeds[part])
-                out, tangents, state = tree.tangent(u[part], before, self.free.names, state)
+                out, tangents, state = tree.tangent(d.part(u, part), before, self.free.names, state)
                 along = stacked(tangents).values[:, keep:] if len(tangents) else np.empty((0, rows.shape[1]))
+                rows[own:-1] = 0.0  # the levels of other records
                 rows[:own] = along[len(before) :] if self.free.plain else change.T @ along[len(before) :]
                 rows[levels] = along[: len(before)]
             at = slice(part.start + keep - d.lead, part.stop - d.lead)
