@@ -124,3 +124,13 @@ def test_one_polynomial_in_another_basis():
         assert (there.basis, there.domain, len(there.coefficients)) == (other.basis, other.domain, len(other.coefficients))
         np.testing.assert_allclose(there(V, 1.0), power(V, 1.0), atol=1e-12)
         np.testing.assert_allclose(there.like(power).coefficients[:4], power.coefficients, atol=1e-12)
+
+
+@pytest.mark.parametrize("block", STATIC, ids=lambda block: block.kind)
+def test_panels_on_one_piece_need_looking_up_once(block):
+    """Between two borders, and beyond the first and the last, both ways give the same to the last bit."""
+    borders = np.concatenate([[-4.0], np.sort(block.breakpoints()), [4.0]])
+    low, high = borders[:-1], borders[1:]
+    v = (low + (high - low) * np.array([[1e-9], [0.3], [0.7], [1 - 1e-9]]))[:, high > low]
+    np.testing.assert_array_equal(block.on_pieces(v), block.value(v))
+    np.testing.assert_array_equal(block.derivative_on_pieces(v), block.derivative(v))
