@@ -38,10 +38,15 @@ from whid.methods.memoryless import Memoryless
 from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.operations.scale import Scale
 from whid.record import Chunk
+from whid.signal import Spread
 from whid.simulate import simulate, stream
+from whid.stages import _curve_sums as sums_module
+from whid.stages._chebyshev import nodes, scaled
 from whid.stages._curve_sums import curve_sums, one_chunk
+from whid.stages._local_lines import Seen, Windows
 from whid.stages.chebyshev_fit import fit_of
 from whid.stages.levels import StaticCurve
+from whid.stages.node_plus import half_way
 from whid.stages.periods import Harmonics
 from whid.stages.settle import Settle
 from whid.system import System
@@ -273,6 +278,61 @@ def test_a_run_in_chunks_is_the_run(tmp_path, monkeypatch):
     assert "140084 samples in chunks, every 2th kept" in str(long.tables[0])
     again = flow.load(long.path)
     np.testing.assert_array_equal(again.records[0].u, whole.records[0].u[::2])
+
+
+def test_a_long_record_without_report_parts_is_read_once(tmp_path, monkeypatch):
+    """What the sums tell of the residual is what a pass of its own would find, some samples outside the domain."""
+    config = tmp_path / "long.yaml"
+    config.write_text("\n".join(line for line in STUDY.splitlines() if "use: report" not in line))
+    monkeypatch.setattr("whid.config.memory.SAMPLE", 10_000)  # as if it were long
+    reads, read = [], LongRecord.chunks
+    monkeypatch.setattr(LongRecord, "chunks", lambda self, outputs=True: reads.append(outputs) or read(self, outputs))
+    study = load_study(config)
+    whole = flow.execute(study, tmp_path, np.random.SeedSequence(study.seed))
+    long = flow.run(study, tmp_path / "long", max_memory=4e8)
+    assert long.error is None
+    assert list(long.stages) == list(whole.stages)
+    assert reads.count(True) == 3  # all of it once; the beginning for the noise's colour and for what is between samples
+    for name, value in whole.metrics.items():
+        np.testing.assert_allclose(long.metrics[name], value, rtol=1e-9, err_msg=name)
+    np.testing.assert_allclose(long.residuals[0], whole.residuals[0][:: long.records[0].every], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 3, 8])
+@pytest.mark.parametrize("domain", [(-1.0, 1.0), (-0.9, 0.7)])
+def test_sums_of_cells_are_those_of_terms(monkeypatch, order, domain):
+    """Beyond a million samples a cell's power series stands for the terms: all sums, windows and what lies outside."""
+    rng = np.random.default_rng(12)
+    x, noise = np.append(rng.uniform(-1.2, 1.2, 150_000), domain), 0.1 * rng.standard_normal(150_002)
+    earlier = np.stack([np.roll(x, 1), np.roll(x, 2)])
+    chunks = one_chunk(x, 100 + np.cos(3 * x) + noise, earlier)
+
+    def found():
+        windows = Windows(nodes(order), half_way(order), order)
+        return curve_sums(chunks, order, domain, windows=[windows]), windows
+
+    monkeypatch.setattr(sums_module, "TESTED", 10**9)
+    exact, _ = found()
+    monkeypatch.setattr(sums_module, "TESTED", 100_000)
+    cells, windows = found()
+    assert cells.tested.samples < cells.left.samples == exact.left.samples == exact.tested.samples
+    samples = exact.left.samples
+    np.testing.assert_allclose(cells.left.sums, exact.left.sums, rtol=0, atol=1e-11 * samples)
+    np.testing.assert_allclose(
+        cells.left.products, exact.left.products, rtol=0, atol=1e-10 * exact.left.square**0.5 * samples**0.5
+    )
+    np.testing.assert_allclose(cells.left.square, exact.left.square, rtol=1e-9)
+    np.testing.assert_allclose(cells.outputs, Spread.of(chunks[0].y), rtol=1e-9)
+    one, other = (fit_of(sums) for sums in (exact, cells))
+    np.testing.assert_allclose(other.coefficients, one.coefficients, rtol=0, atol=1e-7 * one.bound.min())
+    t = scaled(x, domain)
+    direct = Windows.filled(t, chunks[0].y, nodes(order), half_way(order), 15, order)
+    seen = Seen.of(t)
+    for line, expected in zip(windows.lines(domain, seen, 15), direct.lines(domain, seen, 15), strict=True):
+        for name, value in expected._asdict().items():
+            np.testing.assert_allclose(getattr(line, name), value, rtol=1e-8, atol=1e-9, err_msg=name)
+    rest = chunks[0].y - np.polynomial.chebyshev.chebval(t, one.coefficients)
+    np.testing.assert_allclose(cells.rest(one.coefficients), rest @ rest, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

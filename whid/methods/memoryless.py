@@ -14,9 +14,9 @@ from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
 from whid.long_record import LongRecord
 from whid.methods._method import Explained, Method, Model, Stages
-from whid.record import Chunk, Record, used
+from whid.record import Record, used
 from whid.residual import Misfit, Size, Thinner
-from whid.signal import Floats, Spread
+from whid.signal import Floats
 from whid.stages._chebyshev import Domain, evaluate, nodes, scaled
 from whid.stages._curve_sums import CurveSums, Samples, curve_sums
 from whid.stages._local_lines import Windows, half_widths
@@ -96,7 +96,7 @@ class Memoryless(Method):
         if self.inverse:
             yield self._equaliser(data, curve)
         if data.watched:
-            yield data.watched.explained(curve, sums)
+            yield _explained(curve, sums, data.watched)
         yield _model(curve, fit)
 
     def _equaliser(self, data: _Samples, curve: CurveEstimates) -> Equaliser:
@@ -117,7 +117,7 @@ class _Samples:
         self.records = [record for record in records if record.has("estimation")]
         if not self.records:
             raise WhidError("method-no-data", "no record has samples for estimation")
-        self.watched = _Watched.of(records)
+        self.watched = _watching(records)
 
     def chunks(self) -> Iterator[Samples]:
         """Yield input, output, and the inputs before."""
@@ -131,7 +131,7 @@ class _Samples:
                 on = used(record, chunk, "estimation")
                 whole = bool(on.all())
                 if self.watched:
-                    self.watched.add(chunk, chunk.y if whole else chunk.y[on])
+                    self.watched.add(chunk)
                 yield Samples(chunk.u, chunk.y, earlier) if whole else Samples(chunk.u[on], chunk.y[on], earlier[:, on])
 
     def inputs(self) -> Iterator[Floats]:
@@ -186,29 +186,21 @@ class _Samples:
         return np.concatenate(x), np.concatenate(y)
 
 
-class _Watched:
-    """The only record, a long one of estimation samples alone, as it passes by: a pass to assess the model is spared."""
+def _watching(records: Sequence[Record | LongRecord]) -> Thinner | None:
+    """Return what keeps some samples of the only record, a long one of estimation samples alone: a pass to assess is spared.
 
-    def __init__(self, record: LongRecord) -> None:
-        self.kept, self.outputs = Thinner(record), Spread()
+    None where the sums do not tell all of the misfit.
+    """
+    first, closed = records[0], any(record.has(use) for record in records for use in ("selection", "report"))
+    return Thinner(first) if isinstance(first, LongRecord) and len(records) == 1 and not closed else None
 
-    @classmethod
-    def of(cls, records: Sequence[Record | LongRecord]) -> _Watched | None:
-        """Return what watches, None where the sums do not tell all of the misfit."""
-        first, closed = records[0], any(record.has(use) for record in records for use in ("selection", "report"))
-        return cls(first) if isinstance(first, LongRecord) and len(records) == 1 and not closed else None
 
-    def add(self, chunk: Chunk, y: Floats) -> None:
-        """Watch a chunk, and its outputs that take part."""
-        self.kept.add(chunk)
-        self.outputs = self.outputs.joined(Spread.of(y))
-
-    def explained(self, curve: CurveEstimates, sums: CurveSums) -> Explained:
-        """Return what a curve leaves over."""
-        thinned, samples = self.kept.record(), sums.seen.samples
-        size = Size(samples, samples, sums.rest(curve.coefficients), self.outputs)
-        error = thinned.y - evaluate(scaled(thinned.u, curve.domain), curve.coefficients)
-        return Explained((Misfit({"estimation": size}, self.kept.reach, thinned, error),))
+def _explained(curve: CurveEstimates, sums: CurveSums, watched: Thinner) -> Explained:
+    """Return what the reported curve leaves over of the record."""
+    thinned, samples = watched.record(), sums.seen.samples
+    size = Size(samples, samples, sums.rest(curve.coefficients), sums.outputs)
+    error = thinned.y - evaluate(scaled(thinned.u, curve.domain), curve.coefficients)
+    return Explained((Misfit({"estimation": size}, watched.reach, thinned, error),))
 
 
 def _beginning(record: Record | LongRecord) -> tuple[Floats, Floats]:

@@ -9,12 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from whid.fit import normal_equations
-from whid.signal import Floats
-from whid.stages._cells import Cells
+from whid.signal import Floats, Spread
+from whid.stages._cells import ROOM, Cells
 from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, empty, moments, scaled
 from whid.stages._local_lines import Seen, Windows
 
 HEAD = 1 << 16  # samples behind the pilot
+TESTED, EVERY = 1 << 20, 32  # whether there is memory is asked of so many samples, and of every so many-th chunk
+NOWHERE = np.empty(0, np.intp)
+EDGES = np.array([-1.0, np.nextafter(1.0, 2.0)])  # of the domain, both of which belong to it
 
 
 class Samples(NamedTuple):
@@ -37,6 +40,7 @@ class CurveSums(NamedTuple):
     left: Moments  # of r, to the order K + extra
     beyond: Moments  # of r outside the domain, to the order K
     square: float  # Σ y²
+    tested: Moments  # of r over those that earlier inputs are tested on: all of a million, every 32nd chunk from there on
     crossed: Floats  # (K + 1, L) Σ T_k·earlier
     lags: Floats  # (L, L) Σ earlier·earlier
     lag_products: Floats  # (L,) Σ earlier·r
@@ -60,6 +64,18 @@ class CurveSums(NamedTuple):
             for m in (self.left, self.beyond)
         )
         return max(0.0, inside) + max(0.0, outside)
+
+    @property
+    def outputs(self) -> Spread:
+        """Return the spread of y of all samples; what is squared has no offset."""
+        offset, course, size = float(self.pilot[0]), np.array([0.0, *self.pilot[1:]]), self.order + 1
+        total = Spread()
+        for m in (self.left, self.beyond):
+            if m.samples:
+                mean = float(m.products[0] + course @ m.sums[:size]) / m.samples
+                square = m.square + float(course @ (2 * m.products[:size] + m.gram(self.order) @ course))
+                total = total.joined(Spread(m.samples, offset + mean, max(0.0, square - m.samples * mean**2)))
+        return total
 
 
 def one_chunk(x: Floats, y: Floats, earlier: Floats | None = None) -> list[Samples]:
@@ -87,47 +103,93 @@ def curve_sums(
     work = _Work(domain, wide, _pilot(head, order, domain), windows, lags)
     for chunk in _small(chain(head, rest)):
         work.add(*chunk)
-    for each in windows:
-        each.collect(work.cells)
+    if work.cells is not None:
+        for each in windows:
+            each.collect(work.cells)
     return work.found()
 
 
 class _Work:
-    """The sums under way.
-
-    The rows of a chunk are in one place, in an order that makes every sum one of few products: room for the cells' five;
-    T₀ … T_n, r; r·T_n, T₂ₙ, T₃ₙ, which stand for the terms beyond n, as T_{an+i} = 2 T_{an} T_i − T_{an−i}; earlier inputs.
-    """
+    """The sums under way: with windows in cells, without in rows; and in rows what earlier inputs are tested on."""
 
     def __init__(self, domain: Domain, wide: int, pilot: Floats, windows: Sequence[Windows], lags: int) -> None:
-        self.domain, self.wide, self.pilot, self.sorts = domain, wide, pilot, bool(windows)
-        edges = np.array([-1.0, np.nextafter(1.0, 2.0)])
-        n = self.n = max(len(pilot), (wide + 1) // 2)
-        self.cells = Cells(np.concatenate([edges, *(each.cuts for each in windows)]), n)
-        self.domain_cells = self.cells.between(*edges)
-        self.rows = np.empty((n + 10 + lags, CHUNK))
-        self.low, self.products, self.inner = np.zeros(n + 1), np.zeros((n + 2, 5 + lags)), np.zeros((lags, lags))
-        self.seen = Seen(np.inf, -np.inf, 0)
+        self.domain, self.wide, self.pilot = domain, wide, pilot
+        self.rows = _Rows(domain, wide, pilot, lags)
+        self.cells, self.room = None, np.empty((ROOM, CHUNK if windows else 0))
+        if windows:
+            self.cells = Cells(np.concatenate([EDGES, *(each.cuts for each in windows)]), wide, pilot)
+            inside = self.cells.between(*EDGES)
+            self.domain_cells = int(inside[0]), int(inside[-1]) + 1
+        self.seen, self.chunks = Seen(np.inf, -np.inf, 0), 0
         self.beyond, self.outside = empty(len(pilot) - 1), [np.empty((2, 0))]
 
     def add(self, x: Floats, y: Floats, earlier: Floats) -> None:
         """Add a chunk of samples."""
         if not len(x):
             return
-        t, n = scaled(x, self.domain), self.n
-        low, high = float(t.min()), float(t.max())
-        self.seen = Seen(min(low, self.seen.low), max(high, self.seen.high), self.seen.samples + len(t))
-        order, inside = None, slice(0, len(t))
-        if self.sorts or low < -1 or high > 1:
+        t, before = scaled(x, self.domain), self.seen.samples
+        if self.cells is None:
+            low, high = float(t.min()), float(t.max())
+            out = np.flatnonzero(np.abs(t) > 1) if low < -1 or high > 1 else NOWHERE
+        else:
             grouped = self.cells.group(t)
-            order = grouped.order
-            t, y = t[order], y[order]
-            inside = slice(grouped.until(self.domain_cells[0]), grouped.until(self.domain_cells[-1] + 1))
-        rows = self.rows[:, : len(t)]
-        terms, (r, by_r, double, triple), before = rows[5 : 6 + n], rows[6 + n : 10 + n], rows[10 + n :]
+            low, high = self.cells.add(grouped, t, y, self.room[:, : len(t)])
+            first, stop = (grouped.until(k) for k in self.domain_cells)
+            out = np.concatenate([grouped.order[:first], grouped.order[stop:]])
+        self.seen = Seen(min(low, self.seen.low), max(high, self.seen.high), before + len(t))
+        self.chunks += 1
+        if self.cells is None or (len(earlier) and (before < TESTED or self.chunks % EVERY == 0)):
+            if len(out):
+                inside = np.abs(t) <= 1
+                self.rows.add(t[inside], y[inside], earlier[:, inside])
+            else:
+                self.rows.add(t, y, earlier)
+        if len(out):
+            self.outside.append(np.stack([t[out], y[out]]))
+        if sum(each.shape[1] for each in self.outside) > CHUNK:
+            self._gathered()
+
+    def _gathered(self) -> None:
+        """Add the samples outside the domain, a few of every chunk, when they are many."""
+        t, y = np.hstack(self.outside)
+        order = len(self.pilot) - 1
+        rows = basis(t, order)
+        self.beyond = self.beyond.joined(moments(t, y - self.pilot @ rows, order, rows))
+        self.outside = [np.empty((2, 0))]
+
+    def found(self) -> CurveSums:
+        """Return what was summed."""
+        self._gathered()
+        tested = left = self.rows.moments()
+        inside = self.seen.samples - self.beyond.samples
+        if tested.samples < inside and self.cells is not None:
+            left = self.cells.moments(self.cells.between(*EDGES), self.wide)
+        size, rows = len(self.pilot), self.rows
+        outputs = left.square + float(self.pilot @ (2 * left.products[:size] + left.gram(size - 1) @ self.pilot))
+        crossed, lagged = rows.products[:size, 5:], rows.products[-1, 5:]
+        return CurveSums(
+            self.domain, self.pilot, left, self.beyond, max(0.0, outputs), tested, crossed, rows.inner, lagged, self.seen
+        )
+
+
+class _Rows:
+    """Sums of samples in the domain from their Chebyshev terms.
+
+    The rows of a chunk are in one place, in an order that makes every sum one of few products: T₀ … T_n, r; r·T_n, T₂ₙ, T₃ₙ,
+    which stand for the terms beyond n, as T_{an+i} = 2 T_{an} T_i − T_{an−i}; earlier inputs.
+    """
+
+    def __init__(self, domain: Domain, wide: int, pilot: Floats, lags: int) -> None:
+        self.domain, self.wide, self.pilot = domain, wide, pilot
+        n = self.n = max(len(pilot), (wide + 1) // 2)
+        self.rows = np.empty((n + 5 + lags, CHUNK))
+        self.low, self.products, self.inner = np.zeros(n + 1), np.zeros((n + 2, 5 + lags)), np.zeros((lags, lags))
+
+    def add(self, t: Floats, y: Floats, earlier: Floats) -> None:
+        """Add samples t, y (N,)."""
+        n, rows = self.n, self.rows[:, : len(t)]
+        terms, (r, by_r, double, triple), before = rows[: n + 1], rows[n + 1 : n + 5], rows[n + 5 :]
         basis(t, n, terms)
-        if self.sorts:
-            self.cells.add(grouped, t, y, rows[: 6 + n])
         np.subtract(y, self.pilot @ terms[: len(self.pilot)], out=r)
         np.multiply(r, terms[n], out=by_r)
         twice = terms[n] + terms[n]
@@ -135,57 +197,20 @@ class _Work:
         double -= 1
         np.multiply(twice, double, out=triple)
         triple -= terms[n]
-        for row, into in zip(earlier, before, strict=True):
-            if order is None:
-                into[:] = row
-            else:
-                np.take(row, order, out=into, mode="clip")
-        if self.domain != (-1.0, 1.0):
-            before[:] = scaled(before, self.domain)
-        self._sum(rows[:, inside])
-        for part in (slice(0, inside.start), slice(inside.stop, len(t))):
-            if part.start < part.stop:
-                self.outside.append(np.stack([t[part], r[part]]))
-        if sum(each.shape[1] for each in self.outside) > CHUNK:
-            self._gathered()
+        before[:] = scaled(earlier, self.domain)
+        self.low += terms @ terms[0]
+        self.products += rows[: n + 2] @ rows[n:].T
+        self.inner += before @ before.T
 
-    def _sum(self, rows: Floats) -> None:
-        """Add the rows of samples in the domain."""
-        n = self.n
-        self.low += rows[5 : 6 + n] @ rows[5]
-        self.products += rows[5 : 7 + n] @ rows[5 + n :].T
-        if len(self.inner):
-            before = rows[10 + n :]
-            self.inner += before @ before.T
-
-    def _gathered(self) -> None:
-        """Add the samples outside the domain, a few of every chunk, when they are many."""
-        t, r = np.hstack(self.outside)
-        self.beyond, self.outside = self.beyond.joined(moments(t, r, len(self.pilot) - 1)), [np.empty((2, 0))]
-
-    def found(self) -> CurveSums:
+    def moments(self) -> Moments:
         """Return what was summed."""
-        self._gathered()
-        n, size, products = self.n, len(self.pilot), self.products
+        n, products = self.n, self.products
         sums, of_r = np.zeros(4 * n + 1), np.zeros(2 * n + 1)
         sums[: n + 1], of_r[: n + 1] = self.low, products[: n + 1, 1]
         for a, column in ((1, 0), (2, 3), (3, 4)):
             sums[a * n : (a + 1) * n + 1] = 2 * products[: n + 1, column] - sums[(a - 1) * n : a * n + 1][::-1]
         of_r[n:] = 2 * products[: n + 1, 2] - of_r[: n + 1][::-1]
-        square = float(products[n + 1, 1])
-        left = Moments(sums[: 2 * self.wide + 1], of_r[: self.wide + 1], square, round(self.low[0]))
-        outputs = square + float(self.pilot @ (2 * of_r[:size] + left.gram(size - 1) @ self.pilot))
-        return CurveSums(
-            self.domain,
-            self.pilot,
-            left,
-            self.beyond,
-            outputs,
-            products[:size, 5:],
-            self.inner,
-            products[n + 1, 5:],
-            self.seen,
-        )
+        return Moments(sums[: 2 * self.wide + 1], of_r[: self.wide + 1], float(products[n + 1, 1]), round(self.low[0]))
 
 
 def _pilot(head: Iterable[Samples], order: int, domain: Domain) -> Floats:

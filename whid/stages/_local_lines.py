@@ -102,20 +102,18 @@ class Windows:
     def collect(self, cells: Cells) -> None:
         """Take the sums of samples from cells that were cut at the windows' ends, and at the domain's."""
         low, high = self.cuts.reshape(2, -1)
-        inside = cells.between(-1.0, np.nextafter(1.0, 2.0))
+        inside, terms = cells.between(-1.0, np.nextafter(1.0, 2.0)), cells.terms(self.order + 1)
         all_of = [cells.between(a, b) for a, b in zip(low, high, strict=True)]
         for i, (mine, centre) in enumerate(zip(all_of, self.centres, strict=True)):
-            if not cells.terms[0, mine].any():
+            if not cells.sums[0, mine].any():
                 continue
-            main = mine[np.argmax(cells.terms[0, mine])]
-            value, slope = cells.lines[:, main]
-            self.near[i] = value + slope * (centre - cells.middles[main]), slope
+            self.near[i] = cells.line(mine[np.argmax(cells.sums[0, mine])], centre)
             self.sums[i] = cells.about(mine, centre, self.near[i])
             self.ends[i] = cells.ends[0, mine].min() - centre, cells.ends[1, mine].max() - centre
             if self.order >= 0:
-                self.terms[i] = _about(cells.terms[:, mine].sum(axis=1), centre, self.order)
+                self.terms[i] = _about(terms[:, mine].sum(axis=1), centre, self.order)
                 outer = np.setdiff1d(mine, inside)
-                self.beyond[i] = _about(cells.terms[:, outer].sum(axis=1), centre, self.order)
+                self.beyond[i] = _about(terms[:, outer].sum(axis=1), centre, self.order)
         for (i, j), shared in self.shared.items():
             both = cells.about(np.intersect1d(all_of[i], all_of[j]), self.centres[i], self.near[i])
             shared[:] = both[0, 0], both[0, 1], both[1, 1]

@@ -64,13 +64,13 @@ def memory_of(sums: CurveSums, fit: ChebyshevFit) -> Memory:
     """Return the test on samples that were seen in sums."""
     from scipy.special import fdtrc
 
-    order, samples = sums.order, sums.left.samples
+    order, samples = sums.order, sums.tested.samples
     size = order + 1
-    own, crossed = sums.left.gram(order), sums.crossed
+    own, crossed = sums.tested.gram(order), sums.crossed
     gram = np.block([[own, crossed], [crossed.T, sums.lags]])
     change = fit.coefficients - sums.pilot  # from what the pilot leaves over to what the fit does
-    products = np.append(sums.left.products[:size], sums.lag_products)
-    square = max(0.0, sums.left.square - float(change @ (2 * products[:size] - own @ change)))
+    products = np.append(sums.tested.products[:size], sums.lag_products)
+    square = max(0.0, sums.tested.square - float(change @ (2 * products[:size] - own @ change)))
     products -= gram[:, :size] @ change
     alone = normal_equations(own, products[:size], square, samples)
     joined = normal_equations(gram, products, square, samples)
