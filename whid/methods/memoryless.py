@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.lib.stride_tricks import sliding_window_view
 
 from whid.blocks.polynomial import Polynomial
 from whid.errors import WhidError
@@ -127,7 +126,7 @@ class _Samples:
                 before = np.full(LAGS, chunk.u[0]) if before is None else before
                 extended = np.concatenate([before, chunk.u])
                 before = extended[len(extended) - LAGS :]
-                earlier = sliding_window_view(extended[:-1], len(chunk.u))[::-1]
+                earlier = np.ndarray((LAGS, len(chunk.u)), float, extended, (LAGS - 1) * 8, (-8, 8))  # views, made at once
                 on = used(record, chunk, "estimation")
                 whole = bool(on.all())
                 if self.watched:
