@@ -99,7 +99,7 @@ def test_t9_wiener_hammerstein_benchmark(benchmark_traced):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="not reached: 0.287, 0.240 and 0.235 mV on the last fifth, 2 to 3 % above the bars")
+@pytest.mark.xfail(strict=True, reason="not reached: 0.287, 0.245 and 0.240 mV on the last fifth, 3 to 5 % above the bars")
 def test_t9_wiener_hammerstein_benchmark_errors(benchmark_traced):
     reached = [1e3 * step["rms"] for step in benchmark_traced["steps"][1:4]]
     assert all(rms <= bar for rms, bar in zip(reached, (0.28, 0.235, 0.23), strict=True))
