@@ -54,7 +54,7 @@ def _binned(axes: Axes, found: Any, unit: str) -> None:
         x, mean, error = _means(found.driving, getattr(found, name), np.ones(len(found.time), bool))
         axes.errorbar(x, mean, 2 * error, color=colour, lw=0.9, fmt="o-", ms=2.5, label=name)
     axes.axhline(0.0, color="black", lw=0.7)
-    axes.set_xlabel("what enters the curve, v")
+    axes.set_xlabel("what enters the curve (without one: the output)")
     axes.set_ylabel(label("mean residual", unit))
     axes.legend(loc="best")
 
@@ -64,7 +64,7 @@ def _branches(axes: Axes, found: Any, unit: str) -> None:
         x, mean, error = _means(found.driving, found.before, on)
         axes.errorbar(x, mean, 2 * error, color=colour, lw=0.9, fmt="o-", ms=2.5, label=name)
     axes.axhline(0.0, color="black", lw=0.7)
-    axes.set_xlabel("what enters the curve, v")
+    axes.set_xlabel("what enters the curve (without one: the output)")
     axes.set_ylabel(label("mean residual before", unit))
     axes.legend(loc="best")
 
