@@ -289,7 +289,8 @@ def test_a_table_that_fails_costs_the_summary_only(tmp_path, monkeypatch):
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background is born deaf to Ctrl-C
 from tests.small_study import small_study
 from whid import flow, score
 score.score = lambda *a: (print("scoring", flush=True), time.sleep(60))
