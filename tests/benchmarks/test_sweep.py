@@ -95,7 +95,7 @@ def test_two_workers_against_one(tmp_path):
     seconds = []
     for jobs in (1, 2):
         with clock(time.perf_counter) as taken:
-            sweep(NOISE, tmp_path / str(jobs), ["sweep.repeats=100", FULL], jobs=jobs)
+            sweep(NOISE, tmp_path / str(jobs), ["sweep.repeats=200", FULL], jobs=jobs)
         seconds += taken
     one, two = seconds
     print(f"\none worker {one:.1f} s, two {two:.1f}: {one / two:.2f}x (bar 1.8), {load()}")
