@@ -89,3 +89,13 @@ def test_nothing_missing():
     assert verdict.verdict == "nothing missing"
     assert verdict.effects == ()
     assert verdict.after == verdict.before
+
+
+def test_samples_that_hang_are_told_before_other_noise_takes_them():
+    record, rng = measured(PLANT, 14), np.random.default_rng(15)
+    y = record.y.copy()
+    for start in rng.choice(np.flatnonzero(record.using("estimation"))[20:-20:20], 30, replace=False):
+        y[start : start + 6] = y[start - 1]
+    others = ("outliers", "coloured_noise", "jitter", "level_noise")
+    verdict = list(trace(believed(PLANT, 14), [replace(record, y=y)], Trace(effects=("dropouts", *others))))[-2]
+    assert [(e.kind, e.place) for e in verdict.effects] == [("dropouts", "output")]

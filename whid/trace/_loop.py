@@ -38,9 +38,10 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
     data = data_of(system, records)
     states = [base(system, data, path)]
     yield residual_report(states[0], data)
-    if (railed := _railed(options, data)) and (found := one_round(states[0], railed, data)).state is not None:
-        yield found.ranking
-        states = [*states, found.state]
+    for effect in _shown(options, data):
+        if (found := one_round(states[-1], (effect,), data)).state is not None:
+            yield found.ranking
+            states = [*states, found.state]
     for _ in range(options.rounds + 1 - len(states)):
         before = [s.added for s in states if s.added is not None]
         ranking, state = one_round(states[-1], _competing(states, options, data), data, before)
@@ -63,10 +64,13 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
     yield Model(last.look.system, last.estimate, "none")
 
 
-def _railed(options: Trace, data: Data) -> tuple[Effect, ...]:
-    """Return what is tried before everything else, because the raw output shows it: the clip at its rails."""
-    railed = any(raw.railed for raw in data.raw)
-    return tuple(e for e in options.every() if railed and e.name == "saturation@output")
+def _shown(options: Trace, data: Data) -> tuple[Effect, ...]:
+    """Return what is tried before everything else, for the raw output shows it: the clip at its rails, samples that hang."""
+    shown = {
+        "saturation@output": any(raw.railed for raw in data.raw),
+        "dropouts@output": any(raw.frozen.any() for raw in data.raw),
+    }
+    return tuple(e for e in options.every() if shown.get(e.name))
 
 
 def _competing(states: Sequence[State], options: Trace, data: Data) -> tuple[Effect, ...]:
