@@ -19,13 +19,11 @@ from whid.disturbances._disturbance import Disturbance
 from whid.experiments._experiment import Experiment
 from whid.methods import _assemble as assemble
 from whid.methods._sines import Drive, Sine, drives
-from whid.methods._statistics import OfRecords, static_curve
+from whid.methods._statistics import OfRecords, OfVisits
 from whid.record import Record
 from whid.signal import Floats
 from whid.simulate import simulate
-from whid.stages.levels import StaticCurve
 from whid.stages.periods import Complexes, Harmonics, Window, of_lines
-from whid.stages.settle import Settle, settle_time
 from whid.system import System
 
 PLANS = 4  # undisturbed records that are kept
@@ -33,7 +31,7 @@ SURE = 12.0  # standard errors: a harmonic so large stands out of the noise in e
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(OfVisits):
     """Levels and harmonics of one repeat (see `Statistics`); asked twice it says the same."""
 
     plans: Sequence[Quiet]
@@ -55,14 +53,6 @@ class Drawn:
         """Return the statistics of measured records beside what has none: a plan that asks for more is not drawn."""
         return OfRecords([*self.records, *more])
 
-    def settles(self) -> list[Settle]:
-        """Return how long the holds take to settle, by sampling time."""
-        return [settle_time([v.y for v in same], dt) for dt, same in self._by_rate().items()]
-
-    def curves(self, settle: float) -> dict[float, StaticCurve]:
-        """Return the static curve of each sampling time."""
-        return {dt: static_curve(same, dt, settle) for dt, same in self._by_rate().items()}
-
     def sines(self, settle: float, highest: int, colour: Mapping[float, Floats]) -> list[Sine]:
         """Return the sines and their harmonics."""
         found = []
@@ -73,11 +63,12 @@ class Drawn:
                 found.append(Sine(drive.omega, drive.offset, drive.phasor, spectrum.draw(std, rng, ar)))
         return found
 
-    def _by_rate(self) -> dict[float, list[assemble.Visit]]:
+    def visits(self) -> list[assemble.Visit]:
+        """Return every visit of a level with samples as they would be measured."""
         every = []
         for plan, std, (rng, _) in self._streams():
             every += [v._replace(y=v.y + std * rng.standard_normal(len(v.y))) for v in assemble.visits([plan.record])]
-        return assemble.by_rate(every)
+        return every
 
     def _streams(self) -> Iterator[tuple[Quiet, float, tuple[np.random.Generator, np.random.Generator]]]:
         """Yield every plan with its noise and generators of its own, for holds and sines, from their beginning."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -49,8 +50,24 @@ class Statistics(Protocol):
         """Return the sines and their harmonics; colour: the noise's autoregression by sampling time."""
 
 
+class OfVisits(ABC):
+    """What follows from the samples of the holds, whether they were measured or drawn."""
+
+    @abstractmethod
+    def visits(self) -> list[assemble.Visit]:
+        """Return every visit of a level with its samples."""
+
+    def settles(self) -> list[Settle]:
+        """Return how long the holds take to settle, by sampling time."""
+        return [settle_time([v.y for v in same], dt) for dt, same in assemble.by_rate(self.visits()).items()]
+
+    def curves(self, settle: float) -> dict[float, StaticCurve]:
+        """Return the static curve of each sampling time: one noise model each."""
+        return {dt: static_curve(same, dt, settle) for dt, same in assemble.by_rate(self.visits()).items()}
+
+
 @dataclass(frozen=True, eq=False)
-class OfRecords:
+class OfRecords(OfVisits):
     """Statistics of records in memory."""
 
     records: Sequence[Record]
@@ -65,20 +82,13 @@ class OfRecords:
         """Return the statistics of more records together with these."""
         return OfRecords([*self.records, *more])
 
-    def settles(self) -> list[Settle]:
-        """Return how long the holds take to settle, by sampling time."""
-        return [settle_time([v.y for v in same], dt) for dt, same in self._by_rate().items()]
-
-    def curves(self, settle: float) -> dict[float, StaticCurve]:
-        """Return the static curve of each sampling time."""
-        return {dt: static_curve(same, dt, settle) for dt, same in self._by_rate().items()}
-
     def sines(self, settle: float, highest: int, colour: dict[float, Floats]) -> list[Sine]:
         """Return the sines and their harmonics."""
         return gather(self.records, settle, highest, colour)
 
-    def _by_rate(self) -> dict[float, list[assemble.Visit]]:
-        return assemble.by_rate(assemble.visits(self.records))  # one noise model a sampling time
+    def visits(self) -> list[assemble.Visit]:
+        """Return every visit of a level with its samples."""
+        return assemble.visits(self.records)
 
 
 def static_curve(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
