@@ -17,7 +17,9 @@ from whid.experiments._experiment import Experiment
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
 from whid.methods._assemble import rivals_of
-from whid.methods._whole import Search, located, unit_gain, whole_record
+from whid.methods._borders import located, unit_gain
+from whid.methods._search import Search
+from whid.methods._whole import whole_record
 from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.predict import predict
 from whid.refine import refine

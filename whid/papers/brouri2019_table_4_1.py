@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whid.methods._whole import unit_gain
+from whid.methods._borders import unit_gain
 from whid.papers._exhibit import Bench, Exhibit, Regenerated, Row
 from whid.papers._monte_carlo import held, rmse
 from whid.quantity import Measured
