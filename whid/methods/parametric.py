@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -12,7 +11,8 @@ from annotated_types import Ge, MaxLen, MinLen
 
 from whid.blocks._static import Static
 from whid.errors import WhidError
-from whid.fit import Estimate
+from whid.methods._descents import Descents
+from whid.methods._linear_starts import filters, linear_starts, roots
 from whid.methods._method import Method, Stages
 from whid.methods._sampled import from_cascade, with_tone
 from whid.methods._windows import Windows
@@ -21,13 +21,12 @@ from whid.signal import Floats
 from whid.stages import _forms as forms
 from whid.stages._cascade import Cascade, Filter
 from whid.stages.allocation import Allocation, Split, allocation
-from whid.stages.best_linear import SHORT, BestLinear, Complexes, best_linear, local_polynomial, realisations
+from whid.stages.best_linear import BestLinear
 from whid.stages.between_samples import between_samples
-from whid.stages.cascade_fit import Window, bic, cascade_fit, errors, gauged, knotted, reached, rested, rms_error
-from whid.stages.descent import Step, descent
+from whid.stages.cascade_fit import Window, bic, errors, gauged, knotted, reached, rested, rms_error
+from whid.stages.descent import descent
 from whid.stages.interference import interference
-from whid.stages.linear_fit import LinearFit, alternatives, linear_fit, matched
-from whid.stages.linear_in_time import linear_in_time
+from whid.stages.linear_fit import LinearFit, matched
 from whid.stages.noise_floor import noise_floor
 from whid.stages.static_curves import static_curves
 from whid.stages.structures import better, named, structures
@@ -35,13 +34,10 @@ from whid.stages.two_curves import Between, two_curves
 from whid.system import System
 
 FEW, SOME = 10_000, 20_000  # samples of the first and of the second descent
-LEAD = 6  # parts of a short record, the first of which its filters may settle in
 LAST = 60  # iterations of the last descent, at most
 FINALISTS = 2  # splits that are refined with more knots; one more where structures compete
 FASTEST = 8  # times the record's rate, at most
-REALISATIONS = 4  # multisines with phases of their own, from which on their scatter tells the distortion
 WORTH = 0.995  # of the error that a doubled rate may leave at most
-TOTALS = range(1, 9)  # poles of the linear approximation that are tried
 HOPELESS = 3.0  # times the error of the best: what leaves more is not refined
 BETWEEN = 2  # starts of curve, filter, curve that are refined
 
@@ -112,8 +108,8 @@ class Parametric(Method):
 
     def __call__(self, records: Sequence[Record], model: System | None = None) -> Stages:
         """Yield best linear approximation, linear fit, allocation, structures, aliasing, descent, curves; the Model last."""
-        data, way = Windows(records), _Way(Windows(records, "selection") if _has(records, "selection") else None)
-        bla, fits = self._linear(data)
+        data, way = Windows(records), Descents(Windows(records, "selection") if _has(records, "selection") else None)
+        bla, fits = linear_starts(data, self.orders, self.seed)
         yield bla
         yield fits[0]
         data.lead = min(_settled(fits[0]), data.longest // 4)
@@ -124,7 +120,7 @@ class Parametric(Method):
             yield min(shared, key=lambda found: found.rms[0])
             starts += [self._start(few[0], split) for found in shared for split in found.best]
         if self.structure == "hammerstein_wiener" or (self.structure == "auto" and self._pair is None):
-            between = two_curves(few[0].u, few[0].y, few[0].use, _filters(data, fits, bla))
+            between = two_curves(few[0].u, few[0].y, few[0].use, filters(data, fits, bla))
             yield between
             starts += [self._between(few[0], start) for start in between.best[:BETWEEN]]
         ends = [way.down(few, knotted(few, start, self.nonlinearity.counts[0], by_bend=False)) for start in starts]
@@ -158,31 +154,11 @@ class Parametric(Method):
         """Return the poles in front and behind, where they are given."""
         return (self.orders[0], self.orders[1]) if self.orders and len(self.orders) == 2 else None
 
-    def _linear(self, data: Windows) -> tuple[BestLinear, list[LinearFit]]:
-        """Return the linear approximation and its fit of the total order given, or the three fits of the best BIC.
-
-        Where no stable fit goes through Welch's response of a short record, the local polynomial's is taken.
-        """
-        rng = np.random.default_rng(self.seed)
-        totals = TOTALS if self.orders is None else [sum(self.orders)]
-        periods = data.periods
-        many = len(periods) >= REALISATIONS
-        bla = realisations(periods, data.dt) if many else best_linear(data.signals, data.dt)
-        fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
-        if not fits and data.samples < SHORT:
-            bla = local_polynomial(*data.signals[0], data.dt)
-            fits = [fit for total in totals if (fit := _fitted(bla, total, rng)) is not None]
-        if not fits and data.samples < SHORT:
-            data.lead = data.longest // LEAD
-            fits = [linear_in_time(data.every(), total, data.dt) for total in totals if total]
-        fits = fits or [linear_fit(bla, totals, rng)]  # its fault says what is wrong
-        return bla, sorted(fits, key=lambda fit: float(fit.bic.min()))[:3]
-
     def _shared(self, window: Window, data: Windows, fit: LinearFit, bla: BestLinear) -> Allocation:
         total = len(fit.poles)
         fixed = {"wiener": (total, 0), "hammerstein": (0, total)}.get(self.structure, self._pair)
         both = self.structure == "wiener_hammerstein" and fixed is None
-        return allocation(window.u, window.y, window.use, _roots(data, fit, bla), fixed, both)
+        return allocation(window.u, window.y, window.use, roots(data, fit, bla), fixed, both)
 
     def _finalists(self, ranked: list[Cascade], windows: list[Window]) -> list[Cascade]:
         """Return the best splits of the orders given; otherwise the best of each structure, and the best of all orders.
@@ -212,7 +188,7 @@ class Parametric(Method):
         g = self.nonlinearity.drawn(start.points[1], start.heights[1], x)
         return gauged(Cascade((*f, start.filter.padded(len(start.filter.den)), *g)))
 
-    def _oversampled(self, data: Windows, cascade: Cascade, bla: BestLinear, way: _Way) -> tuple[Cascade, int]:
+    def _oversampled(self, data: Windows, cascade: Cascade, bla: BestLinear, way: Descents) -> tuple[Cascade, int]:
         """Return the cascade at the rate asked for, or doubled as long as the error falls, and the factor."""
         if self.oversampling is not None:
             factor = self.oversampling
@@ -228,7 +204,7 @@ class Parametric(Method):
             cascade, factor = rival, 2 * factor
         return cascade, factor
 
-    def _slimmed(self, windows: list[Window], cascade: Cascade, bla: BestLinear, way: _Way) -> Cascade:
+    def _slimmed(self, windows: list[Window], cascade: Cascade, bla: BestLinear, way: Descents) -> Cascade:
         """Return the cascade with a pole and a zero less in a filter, as long as those are not worth their numbers."""
         turn = bla.omega * bla.dt
         for k, part in enumerate(cascade.parts):
@@ -241,7 +217,7 @@ class Parametric(Method):
                     return self._slimmed(windows, slimmer, bla, way)
         return cascade
 
-    def _grown(self, windows: list[Window], cascade: Cascade, way: _Way, fewest: int = 0) -> Cascade:
+    def _grown(self, windows: list[Window], cascade: Cascade, way: Descents, fewest: int = 0) -> Cascade:
         """Return the cascade with as many knots as pay."""
         counts = self.nonlinearity.counts
         best: Cascade | None = None
@@ -253,42 +229,6 @@ class Parametric(Method):
         return cascade
 
 
-class _Way:
-    """The steps so far, the estimate of the last, and the selection parts that judge between models."""
-
-    def __init__(self, selection: Windows | None) -> None:
-        self.steps: list[Step] = []
-        self.estimate: Estimate
-        self.selection = selection
-
-    def settle(self, lead: int) -> None:
-        """Give the selection parts samples in front for the filters to settle."""
-        if self.selection is not None:
-            self.selection.lead = lead
-
-    def kept(self, factor: int) -> list[Window]:
-        """Return the selection parts, none where there are none."""
-        return [] if self.selection is None else self.selection.every(factor)
-
-    def down(self, windows: list[Window], start: Cascade, iterations: int = 25) -> Cascade:
-        """Fit, and remember what it took."""
-        began = time.perf_counter()
-        cascade, self.estimate = cascade_fit(windows, start, iterations)
-        each = (time.perf_counter() - began) / max(self.estimate.iterations, 1)
-        samples, numbers = sum(w.samples for w in windows), sum(len(curve.parameters()) for curve in cascade.curves)
-        rms = rms_error(windows, cascade)
-        self.steps.append(
-            Step(samples, windows[0].factor, numbers, rms, self.estimate.iterations, each, self.estimate.why_stop)
-        )
-        return cascade
-
-
-def _filters(data: Windows, fits: Sequence[LinearFit], bla: BestLinear) -> list[Filter]:
-    """Return the linear approximations, whole, as one filter each."""
-    found = [Filter.of_roots(zeros[: len(poles)], poles) for fit in fits for zeros, poles in _roots(data, fit, bla)]
-    return [h for h in found if np.all(np.isfinite(np.concatenate(h))) and h.stable]
-
-
 def _beyond(windows: list[Window], cascade: Cascade) -> Iterator[str]:
     """Yield what no sample tells of the curves."""
     spans = reached(windows, cascade)
@@ -297,28 +237,8 @@ def _beyond(windows: list[Window], cascade: Cascade) -> Iterator[str]:
         yield f"{name} below {low:.4g} and above {high:.4g}: no sample went there, it goes on as at its end"
 
 
-def _roots(data: Windows, fit: LinearFit, bla: BestLinear) -> Iterator[tuple[Complexes, Complexes]]:
-    """Yield (zeros, poles) to share: those of the response, and of a short record those of a fit in time as well.
-
-    In time the distortion of a nonlinear system weighs like noise: long records tell the poles better by their response.
-    """
-    yield from alternatives(fit, bla)
-    if data.samples < SHORT:
-        start = Filter.of_roots(fit.zeros[: len(fit.poles)], fit.poles)
-        able = np.all(np.isfinite(np.concatenate(start))) and start.stable
-        found = linear_in_time(data.every(), len(fit.poles), data.dt, [start] if able else [])
-        yield found.zeros, found.poles
-
-
 def _has(records: Sequence[Record], use: str) -> bool:
     return any(record.using(use).any() for record in records)
-
-
-def _fitted(bla: BestLinear, total: int, rng: np.random.Generator) -> LinearFit | None:
-    try:
-        return linear_fit(bla, [total], rng)
-    except WhidError:  # no stable one: there are other orders
-        return None
 
 
 def _settled(fit: LinearFit) -> int:
