@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.small_study import EXPERIMENT, PLANT, Levels, SmallStudy, bound, small_study
-from whid import flow, plots
+from whid import flow, plots, work
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
 from whid.experiments._experiment import Adaptive
@@ -24,7 +24,7 @@ from whid.experiments.hold import Hold
 from whid.files.source import DataSource
 from whid.methods._method import Answered, Wanted
 from whid.record import Record
-from whid.result import Check
+from whid.result import Asked, Check
 from whid.signal import held
 
 DRAW = plots.draw
@@ -106,7 +106,7 @@ def test_a_wish_is_granted_on_a_simulated_plant(tmp_path):
     assert result.records[1].parts[0].level == 0.25
     assert result.stages["levels_2"].mean[0] == pytest.approx(0.0, abs=0.03)  # inside the dead zone; 50 samples of 0.05
     plan = ({"kind": "hold", "level": 0.25, "hold_s": 5.0},)
-    asked = flow.Asked("a level inside the dead zone", 0.01, "", plan, 100, "wanted_1")
+    asked = Asked("a level inside the dead zone", 0.01, "", plan, 100, "wanted_1")
     assert result.asked == flow.load(result.path).asked == (asked,)
 
 
@@ -274,11 +274,11 @@ def test_a_wrong_intersample_is_warned_of_by_name():
     y = lag.step(held(u, 0.1, "foh", 0.0, lag.panel_order(0.1)))[0].values + 0.01 * rng.standard_normal(4000)
     y[:7] = np.nan  # a masked stretch is left out
     wrong, right = (Record(u=u, y=y, dt=0.1, intersample=between, name="bench") for between in ("zoh", "foh"))
-    (warning,) = flow._doubts([wrong])
+    (warning,) = work.input_doubts([wrong])
     assert "bench" in warning
     assert "`intersample: zoh` does not fit" in warning
     assert "`intersample: foh`" in warning
-    assert list(flow._doubts([right])) == []
+    assert list(work.input_doubts([right])) == []
 
 
 def test_a_table_that_fails_costs_the_summary_only(tmp_path, monkeypatch):
