@@ -109,7 +109,7 @@ def test_a_short_record_without_orders_is_not_overfitted():
 @pytest.mark.slow
 @pytest.mark.parametrize("relative", [0.02, 0.2])
 @pytest.mark.parametrize("samples", [600, 1000])
-@pytest.mark.parametrize("seed", range(50_100, 50_103))
+@pytest.mark.parametrize("seed", [*range(50_100, 50_103), *range(110_100, 110_103)])
 @pytest.mark.parametrize("chain", [(FRONT, SOFT, BACK), (FRONT, SOFT), (SOFT, BACK)], ids=["wh", "w", "h"])
 def test_short_records_without_orders(chain, samples, seed, relative):
     check_short(chain, samples, seed, relative, 1.12)
@@ -195,7 +195,7 @@ def test_a_filter_between_two_curves():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(50_000, 50_003))
+@pytest.mark.parametrize("seed", [*range(50_000, 50_003), *range(110_000, 110_003)])
 @pytest.mark.parametrize(
     "chain", [*BETWEEN.values(), (FRONT, SOFT, BACK), (FRONT, SOFT), (SOFT, THIRD)], ids=[*BETWEEN, "wh", "w", "h"]
 )

@@ -21,7 +21,8 @@ from whid.predict import predict
 from whid.record import Record
 from whid.refine import band, bound, gains, multistart, profile, refine
 from whid.refine._free import FreeNumbers
-from whid.refine._problem import KEPT, Problem, data_of
+from whid.refine._periodic import periodic
+from whid.refine._problem import KEPT, Data, Problem, data_of
 from whid.system import System
 
 HARD = System(
@@ -308,6 +309,40 @@ def test_averaged_periods_give_the_answer_of_the_time_fit():
     np.testing.assert_allclose(averaged.rms, in_time.rms, rtol=1e-8)
     assert averaged.samples.tolist() == in_time.samples.tolist() == [4800.0]
     assert averaged.estimate.dof == in_time.estimate.dof
+
+
+PERIOD = 1.5 * np.sin(2 * np.pi * (np.arange(120) + 7.37) / 120)
+JUMPS_FIRST = System(chain=(Piecewise(breaks=(PERIOD[0],), pieces=((-0.4, 1.0), (0.2, 0.8))), *HARD.chain[2:]))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("intersample", ["discrete", "zoh", "foh"])
+@pytest.mark.parametrize("system", [HARD, JUMPS_FIRST], ids=["between filters", "met at the period's first sample"])
+def test_a_period_starts_in_the_state_that_it_leads_back_to(system, intersample, sign):
+    """Residual and tangents of the one period are those of the last of many from rest, a jump at its border included."""
+    part = Sine(offset=0.0, amplitude=1.5, period=120.0, periods=8, start=0, stop=960)
+    u = np.tile(PERIOD if sign > 0 else 2 * PERIOD[0] - PERIOD, 8)
+    record = Record(u=u, y=np.zeros(960), dt=0.1, intersample=intersample, parts=(part,))
+    (averaged,) = periodic(Data.of(record, system.tree), system.tree)
+    late = replace(record, valid=np.arange(960) // 120 == 6)
+    free = FreeNumbers(system.tree)
+    one, many = Problem(free, (averaged,)), Problem(free, data_of([late], system.tree))
+    assert averaged.last == 120
+    np.testing.assert_allclose(one.residuals(one.start)[0][:120], many.residuals(many.start)[0][720:840], atol=1e-12)
+    rows = [np.concatenate(list(problem._rows(problem.start, tangents=True))) for problem in (one, many)]
+    np.testing.assert_allclose(rows[0] / np.sqrt(averaged.periods), rows[1], atol=1e-11)
+
+
+def test_a_filter_that_keeps_what_it_gets_has_no_periodic_state():
+    """An unstable trial is no model, and an integrator's periods are simulated from rest."""
+    system = System(chain=(Linear(num=(1.0,), den=(1.0, 0.3)),))
+    part = Sine(offset=0.0, amplitude=1.0, period=60.0, periods=5, start=0, stop=300)
+    record = recorded(system, part.input(0.1, np.random.default_rng(1)), noise=0.01, parts=(part,))
+    problem = Problem(FreeNumbers(system.tree), tuple(periodic(data_of([record], system.tree)[0], system.tree)))
+    assert np.isfinite(problem.cost(problem.start))
+    assert problem.cost(np.array([1.0, 1.0, -0.3])) == np.inf
+    ramp = System(chain=(Linear(num=(1.0,), den=(1.0, 0.0)),)).tree
+    assert not any(data.returns for data in periodic(data_of([record], ramp)[0], ramp))
 
 
 @pytest.mark.parametrize("intersample", ["discrete", "zoh", "foh"])

@@ -14,8 +14,9 @@ from whid.fit import Parameter
 from whid.kinds import Kind
 from whid.signal import Floats, Signal
 
-State = Any  # what a block carries from one chunk to the next; before the first None (rest) or STEADY
+State = Any  # what a block carries from one chunk to the next; before the first None (rest), STEADY or PERIODIC
 STEADY = "steady"  # the state that the first value of the incoming signal would have held for ever
+PERIODIC = "periodic"  # the state that the chunk, one period, leads back to; chains of linear and static blocks know it
 
 
 @dataclass(frozen=True)
@@ -117,12 +118,12 @@ class Block(Kind):
 
     def named_children(self) -> Iterator[tuple[str, Block]]:
         """Yield the blocks inside this one with the beginning of their parameters' names, `chain.0`."""
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
+        for name in _holders(type(self)):
+            value = getattr(self, name)
             if isinstance(value, Block):
-                yield field.name, value
+                yield name, value
             elif isinstance(value, tuple):
-                yield from ((f"{field.name}.{i}", item) for i, item in enumerate(value) if isinstance(item, Block))
+                yield from ((f"{name}.{i}", item) for i, item in enumerate(value) if isinstance(item, Block))
 
 
 def _by_head(values: dict[str, float]) -> dict[str, dict[str, float]]:
@@ -157,6 +158,18 @@ def _markers(cls: type, _cache: dict[type, dict[str, Free]] = {}) -> dict[str, F
         hints = get_type_hints(cls, include_extras=True)
         found = {f.name: _find(hints[f.name]) for f in dataclasses.fields(cls)}
         _cache[cls] = {name: free for name, free in found.items() if free is not None}
+    return _cache[cls]
+
+
+def _holders(cls: type, _cache: dict[type, tuple[str, ...]] = {}) -> tuple[str, ...]:  # noqa: B006 (a cache)
+    """Return the fields that blocks may stand in, by their types: trees are walked for every model that is tried."""
+
+    def held(hint: Any) -> bool:
+        return (isinstance(hint, type) and issubclass(hint, Block)) or any(map(held, getattr(hint, "__args__", ())))
+
+    if cls not in _cache:
+        hints = get_type_hints(cls)
+        _cache[cls] = tuple(field.name for field in dataclasses.fields(cls) if held(hints[field.name]))
     return _cache[cls]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from whid.blocks._recursion import cascaded, direct
 from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal, Splits, legendre_at, picked, rule
 
 Array = NDArray[Any]
@@ -126,13 +127,18 @@ def _flows(a: Array, tau: Floats) -> Array:
     from scipy.linalg import expm
 
     s = len(a)
-    if not s or np.abs(a).sum(axis=0).max() > 2:
-        return np.asarray(expm(a * tau[:, None, None])) if s else np.zeros((len(tau), 0, 0))
-    terms = [np.eye(s, dtype=a.dtype)]
-    for k in range(1, 26):  # 2²⁶/26! is rounding
+    if not s:
+        return np.zeros((len(tau), 0, 0))
+    size = float(np.abs(a).sum(axis=0).max())
+    if size > 2:
+        return np.asarray(expm(a * tau[:, None, None]))
+    terms, left, k = [np.eye(s, dtype=a.dtype)], 1.0, 0
+    while left > 1e-18:
+        k += 1
+        left *= size / k
         terms.append(terms[-1] @ a / k)
-    powers = np.vander(tau, len(terms), increasing=True)
-    return np.asarray((powers @ np.array(terms).reshape(len(terms), -1)).reshape(len(tau), s, s))
+    powers = tau[:, None] ** np.arange(k + 1)
+    return np.asarray((powers @ np.array(terms).reshape(k + 1, -1)).reshape(len(tau), s, s))
 
 
 def realise(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realised:
@@ -144,10 +150,14 @@ def realise(system: StateSpace, dt: float, q: int, *, discrete: bool) -> Realise
 
 def triangle(a: Array) -> tuple[Array, Array]:
     """Return Z and T = ZᴴAZ, upper triangular (Schur)."""
+    return _triangle(a.tobytes(), len(a)) if len(a) else (a, a)
+
+
+@lru_cache(maxsize=64)
+def _triangle(raw: bytes, s: int) -> tuple[Array, Array]:  # a filter and the family of its derivatives have it in common
     from scipy.linalg import schur
 
-    if not len(a):
-        return a, a
+    a = np.frombuffer(raw).reshape(s, s)
     t: Array
     z: Array
     t, z = schur(a, output="real")
@@ -158,14 +168,14 @@ def triangle(a: Array) -> tuple[Array, Array]:
 
 def gridded(system: StateSpace, basis: Array, dt: float, q: int, *, discrete: bool) -> Realised:
     """Return a system whose A is upper triangular on the grid dt; basis @ state is real."""
-    from scipy.linalg import expm
-
     a, b, c, d = system
     s = len(b)
     if discrete:
         return Realised(a, b, c, d, a, b, q, True, basis)
     a, b = a * dt, b * dt
-    held = expm(np.block([[a, b[:, None]], [np.zeros((1, s + 1))]]))  # the input as one more, constant state
+    whole = np.zeros((s + 1, s + 1), a.dtype)  # the input as one more, constant state
+    whole[:s, :s], whole[:s, s] = a, b
+    held = _flows(whole, np.ones(1))[0]
     return Realised(a, b, c, d, np.triu(held[:s, :s]), held[:s, s], q, False, basis)
 
 
@@ -187,6 +197,7 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
     """Return the output and the next state (None: from rest); exact between samples where the input is known there.
 
     A stack (p, N) gives a stack and a state (p, s); a system of several outputs gives a stack, one row an output.
+    PERIODIC: from the state that the signal, one period, leads back to.
     """
     if signal.kept is None:
         return _filtered(r, signal, state)
@@ -200,42 +211,36 @@ def filtered(r: Realised, signal: Signal, state: Any = None) -> tuple[Signal, An
 
 
 def _filtered(r: Realised, signal: Signal, state: Any) -> tuple[Signal, Any]:
-    from scipy.signal import lfilter
-
     s, values = len(r.phi), signal.values
-    x0 = np.zeros((*values.shape[:-1], s), r.phi.dtype) if state is None else np.asarray(state)
     if not signal.samples or (not s and not callable(signal.between)):
-        return signal.with_values(_through(r, values)), x0
-    direct, states = r.direct, None
-    if direct is not None and (signal.sampled or not callable(signal.between)) and (signal.sampled or direct.exact):
-        y, zf = lfilter(direct.num, direct.den, values, zi=np.real(x0 @ direct.to_zi.T))
-        last = np.linalg.solve(direct.to_zi, zf.T).T
-    elif direct is not None and direct.exact and not r.discrete:
-        y, last = _summed(r, direct, signal, x0)
+        rest = np.zeros((*values.shape[:-1], s), r.phi.dtype)
+        return signal.with_values(_through(r, values)), rest if state is None else state
+    form, states = r.direct, None
+    if form is not None and (signal.sampled or not callable(signal.between)) and (signal.sampled or form.exact):
+        y, last = direct(form.num, form.den, form.to_zi, r.phi, values, state)
+    elif form is not None and form.exact and not r.discrete:
+        y, last = _summed(r, form, signal, state)
     else:
-        states = _states(r, _drive(r, signal), x0)
+        states = cascaded(r.phi, _drive(r, signal), state)
         last = states[1]
         y = _real(r.c, states[0]) + _through(r, values)
     if signal.sampled:
         return signal.with_values(y), last
     if r.discrete:  # a digital filter holds its output
         return signal.with_values(y, "zoh"), last
-    return signal.with_values(y, lambda: _between(r, signal, (states or _states(r, _drive(r, signal), x0))[0])), last
+    return signal.with_values(y, lambda: _between(r, signal, (states or cascaded(r.phi, _drive(r, signal), state))[0])), last
 
 
 def _through(r: Realised, values: Floats) -> Floats:
     return np.asarray(r.d * values if r.c.ndim == 1 else r.d[:, None] * values)
 
 
-def _summed(r: Realised, direct: Direct, signal: Signal, x0: Array) -> tuple[Floats, Array]:
+def _summed(r: Realised, form: Direct, signal: Signal, start: Any) -> tuple[Floats, Array]:
     """Return the samples and the last state by one filter of order s a signal: den(z)·y = Σ_l z⁻ˡ (to_zi @ drive)_l."""
-    from scipy.signal import lfilter
-
     n = signal.samples
-    source = _lagged(signal, direct.weights, direct.kernel)
-    y, zf = lfilter([1.0], direct.den, source[..., :n], zi=np.real(x0 @ direct.to_zi.T))
-    y = y + _through(r, signal.values) if r.d else y
-    return y, np.linalg.solve(direct.to_zi, (zf + source[..., n:]).T).T
+    source = _lagged(signal, form.weights, form.kernel)
+    y, last = direct(np.ones(1), form.den, form.to_zi, r.phi, source[..., :n], start, source[..., n:])
+    return y + _through(r, signal.values) if r.d else y, last
 
 
 def _lagged(signal: Signal, weights: Floats, kernel: Floats) -> Floats:
@@ -268,18 +273,6 @@ def _drive(r: Realised, signal: Signal) -> Array:
     if np.iscomplexobj(r.inner.kernel):  # half the work in real coordinates
         return np.asarray(r.basis.conj().T @ _arrived(signal, *r.real))
     return _arrived(signal, r.inner.state_w, r.inner.kernel)
-
-
-def _states(r: Realised, drive: Array, x0: Array) -> tuple[Array, Array]:
-    """Return x (…, s, N) and the state after the last interval: x(n + 1) = Φ x(n) + drive(n), from the last row up."""
-    from scipy.signal import lfilter
-
-    x, last = np.empty(drive.shape, r.phi.dtype), np.empty(drive.shape[:-1], r.phi.dtype)
-    for k in range(len(r.phi) - 1, -1, -1):
-        source = drive[..., k, :] + r.phi[k, k + 1 :] @ x[..., k + 1 :, :] if k < len(r.phi) - 1 else drive[..., k, :]
-        x[..., k, :], zf = lfilter([0.0, 1.0], [1.0, -r.phi[k, k]], source, zi=x0[..., k, None])
-        last[..., k] = zf[..., 0]
-    return x, last
 
 
 def _arrived(signal: Signal, weights: Array, kernel: Array) -> Array:

@@ -30,16 +30,17 @@ class Crossings(NamedTuple):
 NO_CROSSINGS = Crossings(np.empty(0, np.intp), np.empty(0), np.empty(0, np.intp), np.empty(0))
 
 
-def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
+def split(signal: Signal, breaks: Floats, periodic: bool = False) -> tuple[Panels, Crossings]:
     """Return the panels, split where the signal crosses a breakpoint, and the crossings.
 
-    A jump of the signal itself over a breakpoint is no crossing: it is a border between panels already.
+    A jump of the signal itself over a breakpoint is no crossing: it is a border between panels already. Of a periodic signal
+    the last interval is the one before the first.
     """
     panels = signal.panels
     if not len(breaks) or not len(signal.values):
         return panels, NO_CROSSINGS
     parts = _candidates(panels, breaks)
-    owner, tau, which, slope = _crossings(parts, breaks)
+    owner, tau, which, slope = _crossings(parts, breaks, signal.samples if periodic else np.inf)
     if not len(owner) and len(panels.splits.interval) == 0:
         return panels, NO_CROSSINGS
     keep = (parts.width < 1) | (parts.start > 0)  # a near miss stays whole
@@ -57,7 +58,8 @@ def split(signal: Signal, breaks: Floats) -> tuple[Panels, Crossings]:
     when = parts.start[owner] + tau * parts.width[owner]
     index = parts.interval[owner]
     early = when < 1e-14  # at a sample: it belongs to the end of the interval before
-    crossings = Crossings(index - early, np.where(early, 1.0, when), which, slope / parts.width[owner])
+    index = np.where(early & (index == 0) & periodic, signal.samples, index) - early
+    crossings = Crossings(index, np.where(early, 1.0, when), which, slope / parts.width[owner])
     return Panels(panels.values, splits, panels.impulses), crossings.where(crossings.interval >= 0)
 
 
@@ -198,8 +200,11 @@ class _Stretches(NamedTuple):
     after: Ints
 
 
-def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Floats]:
-    """Return (panel, τ, breakpoint, |dv/dτ|) of every crossing.
+NO_STRETCHES = _Stretches(NO_SPLITS.interval, NO_SPLITS.start, NO_SPLITS.start, NO_SPLITS.interval, NO_SPLITS.interval)
+
+
+def _crossings(parts: Splits, breaks: Floats, period: float) -> tuple[Ints, Floats, Ints, Floats]:
+    """Return (panel, τ, breakpoint, |dv/dτ|) of every crossing; period: the intervals after which all comes again.
 
     A stretch on which a panel is monotone and whose ends lie on different sides of a breakpoint crosses it once. Most panels
     are one stretch: the mean of their slope outweighs its change.
@@ -208,7 +213,7 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
     course = np.asarray(rule(q).to_legendre @ parts.values)
     slope = np.asarray(2 * legendre.legder(course, axis=0), np.float64)
     size = np.abs(parts.values).max(initial=0.0)
-    ends = _continued(rule(q).ends @ parts.values, parts, size)
+    ends = _continued(rule(q).ends @ parts.values, parts, size, period)
     straight = np.abs(slope[0]) > np.abs(slope[1:]).sum(axis=0)
     moving = np.abs(ends[1] - ends[0]) > 1e-13 * size  # a level that sits on a breakpoint only rounds
     whole = np.flatnonzero(straight & moving)
@@ -228,6 +233,8 @@ def _crossings(parts: Splits, breaks: Floats) -> tuple[Ints, Floats, Ints, Float
 
 def _bent(mine: Ints, course: Floats, slope: Floats, ends: Floats, breaks: Floats, size: float) -> _Stretches:
     """Return the stretches of panels that may turn round: cut by a grid and where they turn: no graze is missed."""
+    if not len(mine):
+        return NO_STRETCHES
     q = len(course)
     grid = np.linspace(0.0, 1.0, 3 * q + 1)
     fine = np.asarray(legendre.legvander(2 * grid - 1, q - 1) @ course[:, mine])
@@ -249,14 +256,15 @@ def _bent(mine: Ints, course: Floats, slope: Floats, ends: Floats, breaks: Float
     )
 
 
-def _continued(ends: Floats, parts: Splits, size: float) -> Floats:
+def _continued(ends: Floats, parts: Splits, size: float, period: float) -> Floats:
     """Make a panel end on the very number the next one starts with, where only rounding parts them.
 
     A crossing at a sample is then found once, not twice or never.
     """
-    joined = np.abs(parts.interval[:-1] + parts.start[:-1] + parts.width[:-1] - parts.interval[1:] - parts.start[1:]) < 1e-9
-    joined &= np.abs(ends[1, :-1] - ends[0, 1:]) <= 1e-12 * size
-    ends[1, :-1][joined] = ends[0, 1:][joined]
+    begin, following = parts.interval + parts.start, np.roll(ends[0], -1)
+    joined = np.abs(begin + parts.width - np.append(begin[1:], begin[:1] + period)) < 1e-9
+    joined &= np.abs(ends[1] - following) <= 1e-12 * size
+    ends[1, joined] = following[joined]
     return ends
 
 
@@ -272,22 +280,27 @@ def turning(slope: Floats, grid: Floats) -> tuple[Ints, Ints, Floats]:
 
 def inverse(course: Floats, slope: Floats, target: Floats | float, low: Floats, high: Floats, rising: Bools) -> Floats:
     """Solve course(τ) = target in every bracket by Newton, bisecting wherever a step leaves it."""
-    ends = _evaluate(course, low), _evaluate(course, high)
+    if not len(low):
+        return low
+    ends = _evaluate(course, np.stack([low, high]))
     with np.errstate(divide="ignore", invalid="ignore"):
         tau = low + (high - low) * (target - ends[0]) / (ends[1] - ends[0])  # where a straight line would
     tau = np.where((tau >= low) & (tau <= high), tau, (low + high) / 2)
     low, high, last = low.copy(), high.copy(), np.ones(len(tau))
     open_ = np.arange(len(tau))  # what has not settled yet: Newton takes five steps, only a few brackets more
     target = np.broadcast_to(target, tau.shape)
+    both = np.zeros((len(course), 2, len(tau)))  # one evaluation for the value and its slope
+    both[:, 0], both[: len(slope), 1] = course, slope
     for _ in range(60):
         if not len(open_):
             break
         here = tau[open_]
-        error = _evaluate(picked(course, open_), here) - target[open_]
+        value, rate = _evaluate(both if len(open_) == len(tau) else picked(both, open_), here)
+        error = value - target[open_]
         above = (error >= 0) == rising[open_]
         low[open_], high[open_] = np.where(above, low[open_], here), np.where(above, here, high[open_])
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = here - error / _evaluate(picked(slope, open_), here)
+            newton = here - error / rate
         step = np.abs(newton - here)  # rounding may put the last one just outside the bracket, or keep it from shrinking
         there = (step <= 1e-15) | ((step <= 1e-12) & (step >= last[open_]))
         last[open_] = step

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from whid.blocks._block import Block, State, Tangents
+from whid.blocks._block import PERIODIC, Block, State, Tangents
 from whid.blocks._split import Crossings, onto, sides, split, value_at
 from whid.blocks._stack import Bundle, stacked
 from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Panels, Signal, Sparse
@@ -67,11 +67,11 @@ class Static(Block):
 
     def step(self, signal: Signal, state: State = None) -> tuple[Signal, State]:
         """Apply f to the samples and, where the signal lives between them, to its panels."""
-        return self._output(signal, lambda: self._split(signal)), None
+        return self._output(signal, lambda: self._split(signal, state)), None
 
     def tangent(self, signal: Signal, seeds: Sequence[Signal], wrt: Sequence[str], state: State = None) -> Tangents:
         """Return f(v), then f′(v)·dv for every seed and ∂f/∂θ for every name, jumps as impulses in time."""
-        course = cache(lambda: self._split(signal))
+        course = cache(lambda: self._split(signal, state))
         out = self._output(signal, course)
         if not seeds and not wrt:
             return Tangents(out, [], None)
@@ -117,12 +117,13 @@ class Static(Block):
             self.sensitivities(v, wrt, out[count:])
         return out
 
-    def _split(self, signal: Signal) -> tuple[Panels, Crossings]:
-        found: tuple[Panels, Crossings] = signal.once(lambda: self._course(signal), Static._course, self, signal)
+    def _split(self, signal: Signal, state: State) -> tuple[Panels, Crossings]:
+        periodic = state == PERIODIC
+        found: tuple[Panels, Crossings] = signal.once(lambda: self._course(signal, periodic), Static._course, self, signal)
         return found
 
-    def _course(self, signal: Signal) -> tuple[Panels, Crossings]:
-        return split(signal, self.breakpoints())
+    def _course(self, signal: Signal, periodic: bool) -> tuple[Panels, Crossings]:
+        return split(signal, self.breakpoints(), periodic)
 
     def _jumps_at(self, which: Ints) -> Floats:
         return np.asarray(self.jumps()[which])

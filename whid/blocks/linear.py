@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from numpy.typing import NDArray
 
-from whid.blocks._block import Block, Number, State, Tangents
+from whid.blocks._block import PERIODIC, Block, Number, State, Tangents
 from whid.blocks._filter import Realised, StateSpace, filtered, gridded, realise, triangle
 from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
@@ -215,10 +215,11 @@ def _family(block: Linear, dt: float, q: int, names: tuple[str, ...]) -> Realise
             rest[k + 1 : k + n + 1] -= rest[k] * monic[1:]
         outputs.append(np.concatenate([rest[n:] @ z, rest[:n] @ z]))
         through.append(float(feed))
-    whole = np.block([[t, np.outer(into, last)], [np.zeros_like(t), t]])
+    whole, basis = np.zeros((2, 2 * n, 2 * n), t.dtype)
+    whole[:n, :n], whole[:n, n:], whole[n:, n:] = t, np.outer(into, last), t
+    basis[:n, :n] = basis[n:, n:] = z
     system = StateSpace(whole, np.concatenate([np.zeros(n), into]), np.array(outputs), np.array(through))
-    zero = np.zeros_like(z)
-    return gridded(system, np.block([[z, zero], [zero, z]]), dt, q, discrete=block.dt is not None)
+    return gridded(system, basis, dt, q, discrete=block.dt is not None)
 
 
 def _numerator(block: Linear, name: str) -> Floats:
@@ -235,7 +236,7 @@ def _numerator(block: Linear, name: str) -> Floats:
 
 
 def _started(r: Realised, signal: Signal, state: State) -> State:
-    if not isinstance(state, str) or not signal.samples:
+    if not isinstance(state, str) or state == PERIODIC or not signal.samples:
         return state
     return signal.once(lambda: _steady_state(r, signal.values[..., 0]), _steady_state, r, signal)
 

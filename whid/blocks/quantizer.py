@@ -46,7 +46,7 @@ class Quantizer(Static):
         """Return the number of steps."""
         return self._level(v)
 
-    def _course(self, signal: Signal) -> tuple[Panels, Crossings]:
+    def _course(self, signal: Signal, periodic: bool) -> tuple[Panels, Crossings]:
         """Split at the borders that the signal reaches; border k, between w = (k − 1)·step and k·step, is number k."""
         v = signal.panels
         nodes = np.concatenate([v.values.ravel(), v.splits.values.ravel()])
@@ -54,7 +54,7 @@ class Quantizer(Static):
         margin = (high - low) / 2
         first, last = self._level(np.array([low - margin, high + margin]))
         k = np.arange(int(first), int(last) + 2)
-        panels, crossings = split(signal, np.asarray((k - self._shift) * self.step_, np.float64))
+        panels, crossings = split(signal, np.asarray((k - self._shift) * self.step_, np.float64), periodic)
         return panels, crossings._replace(which=crossings.which + int(k[0]))
 
     def _jumps_at(self, which: Ints) -> Floats:

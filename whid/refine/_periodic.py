@@ -8,8 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from whid.blocks._block import Block
+from whid.blocks._static import Static
+from whid.blocks.chain import Chain
+from whid.blocks.linear import Linear
+from whid.blocks.parallel import Parallel
 from whid.experiments._part import Part
 from whid.record import Record
+from whid.refine._free import walk
 from whid.refine._problem import Data, memory
 
 SETTLED = 36.0  # time constants: e⁻³⁶ is rounding
@@ -19,7 +24,8 @@ def periodic(data: Data, tree: Block) -> Iterator[Data]:
     """Yield a record as its averaged periodic parts and what is left of it.
 
     Σ over samples of n whole periods (y − ŷ)² = n Σ over one period (ȳ − ŷ)² + the scatter of the periods, where ŷ is
-    periodic: settled. Lead periods are left out. A part whose input does not repeat exactly, or with missing samples, stays.
+    periodic: settled. Chains of filters and static curves start in the state that the period leads back to. Lead periods are
+    left out. A part whose input does not repeat exactly, or with missing samples, stays.
     """
     use = data.use.copy()
     for part in data.record.parts:
@@ -47,11 +53,21 @@ def _averaged(record: Record, part: Part, tree: Block) -> Data | None:
     u, y = record.u[span].reshape(count, p), record.y[span].reshape(count, p)
     if np.abs(u - u[0]).max() > 1e-9 * np.ptp(u[0]):
         return None
-    mean = y.mean(axis=0)
-    settle = int(np.ceil(SETTLED / 3 * memory(tree, record.dt, len(record)) / p))
+    mean, returns = y.mean(axis=0), _returns(tree)
+    settle = 0 if returns else int(np.ceil(SETTLED / 3 * memory(tree, record.dt, len(record)) / p))
     short = replace(
         record, u=np.tile(u[0], settle + 2), y=np.tile(mean, settle + 2), valid=None, parts=(), initial="rest"
     )  # the period after the one that counts: what holds between samples goes on
     use = np.zeros(len(short), bool)
     use[settle * p : (settle + 1) * p] = True
-    return Data(short, use, periods=count, scatter=float(np.sum((y - mean) ** 2)))
+    return Data(short, use, periods=count, scatter=float(np.sum((y - mean) ** 2)), returns=returns)
+
+
+def _returns(tree: Block) -> bool:
+    """Tell whether a tree finds the state that a period leads back to; others are simulated until they have settled."""
+    return all(isinstance(b, Chain | Parallel | Static) or (isinstance(b, Linear) and _decays(b)) for _, b in walk(tree))
+
+
+def _decays(block: Linear) -> bool:
+    poles = block.eigenvalues()
+    return bool(np.all(poles.real < 0 if block.dt is None else np.abs(poles) < 1))

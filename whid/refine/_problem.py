@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from whid.blocks._block import STEADY, Block, State
+from whid.blocks._block import PERIODIC, STEADY, Block, State
 from whid.blocks._stack import Bundle, stacked
 from whid.blocks.linear import Linear
 from whid.errors import WhidError
@@ -36,6 +36,7 @@ class Data:
     std    of the noise (of its innovation, where `ar` colours it); 1 while it is unknown
     weight (N,) factors of the residual, or None
     periods, scatter  the use samples are the mean of so many periods, which scatter about it by so much, Σ (y − ȳ)²
+    returns  the samples up to the last that counts are one period, before which there were others like it
     past   lengths of the held levels that stand for an unknown past (`initial: free`), oldest first
     """
 
@@ -47,6 +48,7 @@ class Data:
     past: tuple[int, ...] = ()
     periods: int = 1
     scatter: float = 0.0
+    returns: bool = False
 
     @cached_property
     def _inputs(self) -> dict[tuple[str, int], Signal]:
@@ -105,7 +107,9 @@ class Data:
         return found
 
     def start(self, tree: Block, u: Signal) -> State:
-        """Return the state before the first sample: rest, or steady at the first value where there is such a state."""
+        """Return the state before the first sample: rest, periodic, or steady at the first value where there is one."""
+        if self.returns:
+            return PERIODIC
         if self.record.initial == "rest":
             return None
         try:
