@@ -248,7 +248,7 @@ def dead_zone_record(seed, amplitude, noise=0.02):
 
 
 def test_inside_one_affine_piece_only_the_product_is_claimed():
-    found = stages(dead_zone_record(11, 0.8))
+    found = stages(dead_zone_record(11, 0.8), whole_record=False)
     assert "Joint" not in found
     assert any("only the product" in text for text in found["Model"][0].missing)
     fit = found["Rational"][0]
@@ -256,6 +256,42 @@ def test_inside_one_affine_piece_only_the_product_is_claimed():
     s = 1j * fit.front_omega
     product = 1 / ((s + 1) * (0.4 * s + 1))
     assert np.all(np.abs(fit.front_gain - abs(product)) < 5 * fit.front_gain_std)
+
+
+def test_the_transitions_between_levels_separate_what_sines_on_one_affine_piece_leave_open():
+    model = stages(dead_zone_record(11, 0.8))["Model"][0]
+    assert not any("product" in text or "told apart" in text for text in model.missing)
+    for name, truth in (("chain.0.den.0", 1.0), ("chain.2.den.0", 0.4)):
+        std = model.estimate.std[model.estimate.names.index(name)]
+        assert abs(model.estimate.value(name) - truth) < 5 * std
+        assert std < 0.01 * truth
+
+
+def test_orders_that_were_told_are_shared_as_told():
+    front, _, back = stages(dead_zone_record(11, 0.8), orders=(0, 2))["Model"][0].system.chain
+    assert [len(block.den) for block in (front, back)] == [1, 3]
+    assert back.den[:2] == pytest.approx((0.4, 1.4), rel=0.1)  # the sines' product; f is where it was not
+
+
+@pytest.mark.parametrize(("tau", "noise", "told"), [(0.3, 0.05, True), (0.05, 0.2, False)])
+@pytest.mark.parametrize("place", ["front", "back"])
+def test_a_lag_stands_where_the_transitions_want_it_or_is_said_to_be_open(place, tau, noise, told):
+    lag, f = Linear(num=(1.0,), den=(tau, 1.0)), DeadZone(low=-1.0, high=1.0)
+    plan = Experiment(
+        dt=0.05,
+        parts=(
+            Staircase(from_=-4.0, to=4.0, step=0.5, hold_s=4.0, return_=True),
+            Sine(offset=2.5, amplitude=0.8, samples_per_period=(100.0, 50.0, 20.0), periods=20),
+        ),
+    )
+    chain = (lag, f) if place == "front" else (f, lag)
+    found = stages(simulate(System(chain=chain, noise=(White(std=noise),)), plan, np.random.default_rng(31)))
+    model = found["Model"][0]
+    assert any("front and back are not told apart" in text for text in model.missing) is not told
+    if told:
+        front, _, back = model.system.chain
+        assert [len(block.den) for block in (front, back)] == ([2, 1] if place == "front" else [1, 2])
+        assert found["WholeRecord"][0].rms == pytest.approx(noise, rel=0.05)  # of 6210 samples: 5 standard errors
 
 
 def test_sines_across_a_breakpoint_separate_the_blocks():

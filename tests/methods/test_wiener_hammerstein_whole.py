@@ -219,7 +219,7 @@ def test_report_samples_stay_closed():
 def test_a_fit_that_fails_leaves_the_staged_model(monkeypatch):
     orders_told = []
 
-    def failing(*_, rivals, told):
+    def failing(*_, told, **options):
         orders_told.append(told)
         raise np.linalg.LinAlgError("singular")
 

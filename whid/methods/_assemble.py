@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from whid.record import Record
 from whid.signal import Floats
 from whid.stages._responses import StaticPart
 from whid.stages._visits import pooled
+from whid.stages.best_linear import Complexes
 from whid.stages.lags import Lags
 from whid.stages.levels import StaticCurve
 from whid.stages.rational import Orders, Rational
@@ -124,6 +126,44 @@ def rivals_of(fit: Rational, system: System) -> list[System]:
         front_num, front_den, back_num, back_den = (tuple(map(float, part)) for part in parts)
         front, back = Linear(num=front_num, den=front_den), Linear(num=back_num, den=back_den)
         found.append(System(chain=(front, *system.chain[1:-1], back)))
+    return found
+
+
+def sharings_of(system: System, told: tuple[int, int] | None) -> list[System]:
+    """Return the ways to share the roots in front of f between front and back; complex pairs stay together.
+
+    told: the poles of front and back, where they are. Inside one affine piece of f sines tell the product only.
+
+    >>> f = Piecewise(breaks=(0.0,), pieces=((0.0,), (0.0, 1.0)))
+    >>> chain = Linear(num=(1.0,), den=(2.0, 3.0, 1.0)), f, Linear(num=(1.0,), den=(1.0,))
+    >>> [(front.den, back.den) for front, _, back in (s.chain for s in sharings_of(System(chain=chain), (1, 1)))]
+    [((1.0, 1.0), (2.0, 1.0)), ((2.0, 1.0), (1.0, 1.0))]
+    """
+    front = system.chain[0]
+    assert isinstance(front, Linear)
+    zeros, poles = (_together(np.asarray(np.roots(part), complex)) for part in (front.num or (1.0,), front.den or (1.0,)))
+    found = []
+    for behind in product((False, True), repeat=len(zeros) + len(poles)):
+        (front_num, back_num), (front_den, back_den) = _shared(zeros, behind), _shared(poles, behind[len(zeros) :])
+        proper = len(front_num) <= len(front_den) and len(back_num) <= len(back_den)
+        if proper and (told is None or told == (len(front_den) - 1, len(back_den) - 1)):
+            blocks = Linear(num=front_num, den=front_den), Linear(num=back_num, den=back_den)
+            found.append(System(chain=(blocks[0], *system.chain[1:-1], blocks[1])))
+    return found
+
+
+def _together(roots: Complexes) -> list[Complexes]:
+    """Return the real roots and the complex pairs."""
+    return [np.array([r, r.conj()]) if r.imag else np.array([r]) for r in roots if r.imag >= 0]
+
+
+def _shared(groups: Sequence[Complexes], behind: Sequence[bool]) -> list[tuple[float, ...]]:
+    """Return the polynomials of the roots in front and of those behind, descending, 1 at s = 0."""
+    found = []
+    for side in (False, True):
+        roots = [group for group, back in zip(groups, behind, strict=False) if back is side]
+        polynomial = np.poly(np.concatenate(roots)).real if roots else np.ones(1)
+        found.append(tuple(map(float, polynomial / polynomial[-1])))
     return found
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.polynomial import polynomial as poly
 
 from whid.blocks.linear import Linear
 from whid.blocks.piecewise import Piecewise
@@ -33,11 +34,17 @@ class Search:
     best: Refined
     decided: list[str] = field(default_factory=list)
     coloured: float = 0.0  # long-run variance of the residual over its variance; 0 where it is white
+    open: list[str] = field(default_factory=list)  # what it could not decide
 
     def __post_init__(self) -> None:
+        self._listen()
+
+    def _listen(self) -> None:
+        """Hear what colour the residual of the best model has."""
         whole = [residual(self.best.system.tree, record) for record in self.records]
         use = [record.using("estimation") & np.isfinite(record.y) for record in self.records]
         ar = [autoregression(e, u) for e, u in zip(whole, use, strict=True)]
+        self.coloured = 0.0
         if any(map(len, ar)):
             self.coloured = max(1.0, *(long_run(e, u, a) for e, u, a in zip(whole, use, ar, strict=True) if u.any()))
 
@@ -48,12 +55,32 @@ class Search:
         assert isinstance(f, Piecewise)
         return f
 
+    def sharing(self, rival: System) -> None:
+        """Take the sharing of the dynamics between front and back that leaves less, and say where two leave alike."""
+        found = self._fitted(rival)
+        if found is None:
+            return
+        self.best, other = sorted((self.best, found), key=deviance)
+        self._listen()
+        if deviance(other) - deviance(self.best) < self.price:
+            self.open.append(f"front and back are not told apart: {shares(other.system)} would fit as well")
+        else:
+            self.decided.append(f"the transitions between levels tell {shares(self.best.system)}")
+
     def borders(self) -> None:
-        """Try the other reading of every border."""
+        """Try the other reading of every border; what no sample tells is a kink, as it is to the levels."""
         for k, kink in enumerate(self.curve.kinks()):
+            told = self._told(k)
             system = self._apart(k) if kink else self._together(k)
-            if system is not None and self._better(system):
+            if system is not None and self._better(system, credit=0.0 if told else self.price):
                 self.decided.append(f"the border at {self.curve.breaks[k]:.4g} is a {'jump' if kink else 'kink'}")
+                if not told:
+                    self.open.append(f"the border at {self.curve.breaks[k]:.4g} may be a jump: no sample is in its gap")
+
+    def _told(self, k: int) -> bool:
+        """Tell whether samples show where break k is."""
+        e, name = self.best.estimate, f"chain.{self.place}.breaks.{k}"
+        return name in e.names and bool(np.isfinite(e.std[e.names.index(name)]))
 
     def _apart(self, k: int) -> System | None:
         """Return the kink at break k as a jump, where the transitions do not speak against every place in its gap."""
@@ -64,14 +91,21 @@ class Search:
         return system if there - here < HOPELESS * here / self.best.samples.sum() else None
 
     def _together(self, k: int) -> System | None:
-        """Return the jump at break k as a kink, where it is small against its standard error and the pieces do meet."""
+        """Return the jump at break k as a kink, where it is small against its standard error and the pieces do meet.
+
+        The break has an error too, and where the pieces cross at an angle the jump is as uncertain; where no sample tells
+        the break, it is anything.
+        """
         f, e = self.curve, self.best.estimate
-        row = np.zeros(len(e.names))
-        for piece, sign in ((k, -1.0), (k + 1, 1.0)):
-            for power in range(len(f.pieces[piece])):
-                row[e.names.index(f"chain.{self.place}.pieces.{piece}.{power}")] = sign * f.breaks[k] ** power
-        if f.jumps()[k] ** 2 > HOPELESS * (row @ e.covariance @ row):
-            return None
+        if self._told(k):
+            left, right = (float(poly.polyval(f.breaks[k], poly.polyder(piece))) for piece in f.pieces[k : k + 2])
+            rates = {f"chain.{self.place}.breaks.{k}": right - left}
+            for piece, sign in ((k, -1.0), (k + 1, 1.0)):
+                for power in range(len(f.pieces[piece])):
+                    rates[f"chain.{self.place}.pieces.{piece}.{power}"] = sign * f.breaks[k] ** power
+            at, row = [e.names.index(each) for each in rates], np.array(list(rates.values()))
+            if f.jumps()[k] ** 2 > HOPELESS * (row @ e.covariance[np.ix_(at, at)] @ row):
+                return None
         meeting = met(f, k, *gap(f, self.records, k))
         return None if meeting is None else replaced(self.best.system, self.place, meeting)
 
@@ -102,8 +136,7 @@ class Search:
         for rival in rivals:
             chain = (rival.chain[0], *self.best.system.chain[1:-1], rival.chain[-1])
             if self._better(replace(rival, chain=chain)):
-                poles = [len(block.den or ()) - 1 for block in (chain[0], chain[-1]) if isinstance(block, Linear)]
-                self.decided.append(f"front and back have {poles[0]} and {poles[1]} poles, a rival of what the stages found")
+                self.decided.append(f"{shares(self.best.system)}, a rival of what the stages found")
 
     def roots(self) -> None:
         """Take poles and zeros away as long as one is not worth its price."""
@@ -115,18 +148,24 @@ class Search:
         candidates = fewer(self.best.system, self.best.estimate)
         return next((said for said, system in candidates if self._better(system)), "")
 
-    def _better(self, system: System) -> bool:
-        """Fit another structure and keep it when it is worth its price."""
-        if self.best.estimate.why_stop == "interrupted":
-            return False
-        try:
-            found = refine(system, self.records, fixed=held(system, self.place), max_iterations=ITERATIONS)
-        except WhidError:
+    def _better(self, system: System, credit: float = 0.0) -> bool:
+        """Fit another structure and keep it when it is worth its price, or lacks no more than a credit."""
+        found = self._fitted(system)
+        if found is None:
             return False
         cost = [deviance(each) + self.price * each.parameters for each in (found, self.best)]
-        better = cost[0] < cost[1] and bool(np.isfinite(found.estimate.std).all())
+        better = cost[0] < cost[1] + credit and bool(np.isfinite(found.estimate.std).all())
         self.best = found if better else self.best
         return better
+
+    def _fitted(self, system: System) -> Refined | None:
+        """Return the fit of another structure; None where there is none, or no time left."""
+        if self.best.estimate.why_stop == "interrupted":
+            return None
+        try:
+            return refine(system, self.records, fixed=held(system, self.place), max_iterations=ITERATIONS)
+        except WhidError:
+            return None
 
     @property
     def price(self) -> float:
@@ -143,3 +182,15 @@ def long_run(residual: Floats, use: Bools, ar: Floats) -> float:
 def deviance(found: Refined) -> float:
     """Return −2 log L up to a constant."""
     return float(2 * found.samples @ np.log(np.maximum(found.noise_std, 1e-300)))
+
+
+def left_over(system: System, records: Sequence[Record]) -> float:
+    """Return the sum of squares that a system leaves of the estimation parts."""
+    left = [residual(system.tree, record)[record.using("estimation")] for record in records]
+    return float(sum(np.nansum(e**2) for e in left))
+
+
+def shares(system: System) -> str:
+    """Return how many poles front and back have."""
+    front, back = (len(block.den or ()) - 1 for block in (system.chain[0], system.chain[-1]) if isinstance(block, Linear))
+    return f"{front} pole{'s' * (front != 1)} in front of f and {back} behind it"

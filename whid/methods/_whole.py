@@ -11,7 +11,7 @@ from whid.blocks.piecewise import Piecewise
 from whid.fit import Estimate
 from whid.methods._borders import held, located, unseen_breaks
 from whid.methods._method import Model
-from whid.methods._search import Search
+from whid.methods._search import Search, left_over
 from whid.quantity import Measured, Quantity, Table
 from whid.record import Record
 from whid.refine import refine
@@ -52,19 +52,30 @@ class WholeRecord(NamedTuple):
 
 
 def whole_record(
-    records: Sequence[Record], model: Model, max_degree: int, *, rivals: Sequence[System] = (), told: bool = False
+    records: Sequence[Record],
+    model: Model,
+    max_degree: int,
+    *,
+    sharings: Sequence[System] = (),
+    rivals: Sequence[System] = (),
+    told: bool = False,
 ) -> tuple[WholeRecord, Model]:
     """Fit all numbers of a staged model at once, trying kink against jump at every border, one degree more or less, and
     where the orders of the linear blocks were not told those of the rivals and each block with a root less.
 
-    A jump's break starts where the transitions between levels put it in its gap. A change is kept when −2 log L falls by
-    more than 10.8 a number (p = .001 of one that is none; log N of 50 000 samples, so BIC). The linear blocks keep their
-    unit static gain. Source [PAPERS A, build 3 and 6].
+    sharings: the model with its dynamics in front of f or behind it, where the sines tell the product only; the
+    transitions between levels, which cross the borders of f, tell them apart, or else the stage says so. A jump's break
+    starts where the transitions between levels put it in its gap. A change is kept when −2 log L falls by more than 10.8 a
+    number (p = .001 of one that is none; log N of 50 000 samples, so BIC). The linear blocks keep their unit static gain.
+    Source [PAPERS A, build 3 and 6].
     """
     left = [residual(model.system.tree, record)[record.using("estimation")] for record in records]
     place = next((k for k, block in enumerate(model.system.chain) if isinstance(block, Piecewise)), -1)
-    start = located(model.system, records, place) if place > 0 else model.system
+    starts = [located(system, records, place) if place > 0 else system for system in sharings or (model.system,)]
+    start, *others = sorted(starts, key=lambda system: left_over(system, records))
     search = Search(records, place, max_degree, refine(start, records, fixed=held(start, place)))
+    if others:
+        search.sharing(others[0])
     if not told:
         search.orders(rivals)
     if place >= 0:
@@ -87,7 +98,7 @@ def whole_record(
     estimate = beside(best.estimate, model.estimate, unseen_breaks(model.system, place))
     stage = WholeRecord(
         rms(np.concatenate(left)), size, noise, best.ar[0][np.isfinite(best.ar[0])], int(best.samples.sum()),
-        borders, tuple(said), best.gauge, estimate,
+        borders, tuple(said), (*search.open, *best.gauge), estimate,
     )  # fmt: skip
     return stage, model._replace(system=best.system, estimate=estimate)
 

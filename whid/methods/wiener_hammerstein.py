@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt
 
+from whid.blocks.piecewise import Piecewise
 from whid.errors import WhidError
 from whid.long_record import LongRecord
 from whid.methods import _assemble as assemble
@@ -47,6 +48,7 @@ from whid.system import System
 # The harmonic-floor test reports at 1 %; the model is widened to the neighbouring pieces only on evidence this strong, for
 # all sines together: a false alarm costs precision, and a sine that left its piece enough to matter shows p far below it.
 LEFT = 1e-3
+PRODUCT = "only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint"
 MOST_SAMPLES = 200_000  # of a whole-record fit that nobody asked for
 
 
@@ -195,7 +197,9 @@ class WienerHammerstein(Method):
         staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
         assumed = tuple(pieces.assumed(unseen(pieces, data)))
         rivals = None if orders else assemble.rivals_of(fit, staged.system)
-        yield from self._finished(seen, staged, assumed, rivals, split=not is_affine(static))
+        told = (orders[1], orders[3]) if orders else None
+        sharings = assemble.sharings_of(staged.system, told) if is_affine(static) else []
+        yield from self._finished(seen, staged, assumed, rivals, sharings)
 
     def _from_steps(
         self, records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, settle: float, said: tuple[str, ...]
@@ -213,26 +217,35 @@ class WienerHammerstein(Method):
         yield found
         missing = said + self._missing_steps(found)
         staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
-        yield from self._finished(OfRecords(records), staged, tuple(pieces.assumed()), [], split=True)
+        yield from self._finished(OfRecords(records), staged, tuple(pieces.assumed()), [])
 
     def _whole(self, samples: int) -> bool:
         """Tell whether a whole-record fit is wanted of so many samples."""
         return samples <= MOST_SAMPLES if self.whole_record is None else self.whole_record
 
     def _finished(
-        self, seen: Statistics, staged: Model, assumed: tuple[str, ...], rivals: list[System] | None, *, split: bool
+        self,
+        seen: Statistics,
+        staged: Model,
+        assumed: tuple[str, ...],
+        rivals: list[System] | None,
+        sharings: Sequence[System] = (),
     ) -> Stages:
-        """Yield the whole-record fit, where it is wanted and front and back are told apart, and the Model.
+        """Yield the whole-record fit, where it is wanted and can tell front from back, and the Model.
 
-        rivals: systems with other orders that the stages could not tell apart; None where the orders were told.
+        rivals: systems with other orders that the stages could not tell apart; None where the orders were told. sharings:
+        with the same dynamics in front of f or behind it, where the stages could not tell these apart.
         """
-        if not (seen.sampled and self._whole(seen.samples) and split):
-            yield staged._replace(missing=staged.missing + assumed)
+        unsaid = staged._replace(missing=(*staged.missing, *assumed, *((PRODUCT,) if sharings else ())))
+        curved = any(isinstance(block, Piecewise) and block.breaks for block in staged.system.chain)
+        if not (seen.sampled and self._whole(seen.samples)) or (sharings and not curved):
+            yield unsaid
             return
+        others = {"sharings": sharings, "rivals": rivals or ()}
         try:
-            found, model = whole_record(seen.records, staged, self.degree, rivals=rivals or (), told=rivals is None)
+            found, model = whole_record(seen.records, staged, self.degree, **others, told=rivals is None)
         except (WhidError, ValueError, np.linalg.LinAlgError) as fault:  # the stages before it still stand
-            yield staged._replace(missing=(*staged.missing, *assumed, f"the whole-record fit failed: {fault}"))
+            yield unsaid._replace(missing=(*unsaid.missing, f"the whole-record fit failed: {fault}"))
             return
         yield found
         yield model._replace(missing=model.missing + found.gauge)
@@ -241,10 +254,6 @@ class WienerHammerstein(Method):
 
     def _missing(self, left: bool, data: ChainData, fit: Rational) -> tuple[str, ...]:
         missing = []
-        if is_affine(data.static):
-            missing.append(
-                "only the product front·back is identifiable inside one affine piece: let a sine cross a breakpoint"
-            )
         if left:
             missing.append(
                 "a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted"

@@ -120,7 +120,7 @@ def rational(
     reference = float(np.exp(np.mean(np.log(responses.omega))))
     search = _Search(static, responses, reference, float(np.log(samples)), free_breaks)
     if orders is not None:
-        orders = orders if back else (*orders[:2], 0, 0)
+        orders = orders if back else (orders[0] + orders[2], orders[1] + orders[3], 0, 0)
     best = search.best_of(orders, search.first_starts(orders)) if orders else search.climb((highest, highest if back else 0))
     if not np.isfinite(best.bic):
         raise WhidError("stage-no-model", "no stable transfer functions explain the harmonics of the sines")
