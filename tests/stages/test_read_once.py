@@ -41,8 +41,8 @@ def same(found, expected):
 def test_holds_in_chunks(size, missing):
     ys, lengths = holds(missing), np.array(LENGTHS)
     used = used_of(lengths)
-    cut, first, half = cuts_of(lengths[used])
-    places = [np.concatenate([cut[:, 0], first[:, h], half[:, h]]) for h in range(len(used))]
+    cuts = cuts_of(lengths[used])
+    places = [cuts.places(h) for h in range(len(used))]
     read = [fed(HoldSums(lengths[k], at, lengths[k] // 2, 10**6), ys[k], size) for k, at in zip(used, places, strict=True)]
     scale = max(reader.largest for reader in read)
     same(settle_of([r.cumulated() for r in read], [r.head() for r in read], scale, 0.1), settle_time(ys, 0.1))

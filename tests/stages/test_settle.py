@@ -63,6 +63,23 @@ def test_design_p_settles_near_its_optimum():
     assert 72 < np.median(settle) < 110
 
 
+@pytest.mark.parametrize(
+    ("size", "constants", "reached"), [(20, 5, False), (120, 5, False), (120, 7.5, False), (20, 10, True), (120, 10, True)]
+)
+def test_what_is_left_of_an_exponential_is_foretold(size, constants, reached):
+    """By the mean of the last quarter, against its own standard error: half of that is as good as settled."""
+    samples = int(30 * constants)
+    kept = samples - int(np.ceil(0.75 * samples))
+    bias = size * np.exp(-np.arange(samples - kept, samples) / 30).mean() * np.sqrt(kept)  # standard errors
+    rho = np.exp(-constants / 4)
+    std = (2 * rho / (1 - rho) + (rho / (1 - rho)) ** 2) * np.sqrt(2 / 11)  # of ρ²/(1 − ρ), 11 holds
+    for seed in range(600, 610):
+        found = settle_time(transients(30, size, samples, 11, seed), 1.0)
+        assert found.reached is reached
+        if not found.reached:
+            assert abs(found.bias_ratio - bias) < 4 * std + 0.15 * bias  # the noise's own size is known to some 10 %
+
+
 def test_missing_samples_and_unequal_lengths():
     holds = transients(20, 50, 500, 10, 0)
     rng = np.random.default_rng(1)

@@ -79,9 +79,8 @@ class OfLong:
     def _settle(self, records: Sequence[Long], dt: float) -> Settle:
         lengths = np.array([part.length for record in records for part in record.select("hold")])
         used = used_of(lengths)
-        _, first, half = cuts_of(lengths[used])
-        cut = cuts_of(lengths[used]).cut[:, 0]
-        places = {int(k): np.concatenate([cut, first[:, h], half[:, h]]) for h, k in enumerate(used)}
+        cuts = cuts_of(lengths[used])
+        places = {int(k): cuts.places(h) for h, k in enumerate(used)}
         readers: list[HoldSums] = []
         for record in records:
             parts, mine = list(record.select("hold")), []

@@ -305,8 +305,8 @@ def _left_out(
 ) -> tuple[str, ...]:
     """Return what of the data could not be used, or not as the errors assume."""
     said = []
-    if not all(settle.reached for settle in settles):
-        said.append("the levels had not settled when they ended: f and what follows from it are biased; hold longer")
+    if drifting := [settle for settle in settles if not settle.reached]:
+        said.append(f"the levels had not settled: {max(drifting, key=lambda settle: settle.bias).drift()}")
     if short := sum(len(list(record.select("sine"))) for record in records) - len(sines):
         said.append(f"{short} sine{'s' * (short > 1)} left out: fewer than two periods after the settling time")
     if silent := len(sines) - len(heard):

@@ -22,12 +22,21 @@ class Settle(NamedTuple):
     dof: int
     p: float
     reached: bool  # False: the holds are too short, settle is three quarters of the shortest
+    bias: Annotated[float, Quantity("output")] = 0.0  # that the drift leaves in the levels, rms, as its decay foretells
+    bias_ratio: float = 0.0  # over the standard error of a level
 
     def table(self) -> Table:
         """Return one row, and a warning where the holds are too short."""
-        warn = () if self.reached else ("not reached: the output still drifts in the second half of the holds; hold longer",)
+        warn = () if self.reached else (f"not reached: {self.drift()}",)
         row = (round(self.settle, 4), round(self.truncation, 4), round(self.statistic, 2), self.dof, float(f"{self.p:.3g}"))
         return Table("Settling time", ("settle s", "truncation s", "χ²", "dof", "p"), (row,), warn)
+
+    def drift(self) -> str:
+        """Return what is left of the drift, in words."""
+        if not np.isfinite(self.bias):
+            return "the output drifts through the holds and does not slow down; hold longer"
+        size = f"{self.bias:.2g}, {self.bias_ratio:.2g} standard errors of a level"
+        return f"the output still drifts where the holds end, by about {size}; hold longer"
 
 
 def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, margin: float = 1.5) -> Settle:
@@ -36,8 +45,11 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
     χ²(τ) = Σ (mean of the first quarter − mean of the last half)²/variance over the holds, each from τ on; the first τ,
     up to half the shortest hold, with p(χ², H) ≥ significance, and a tenth of it from there to margin·τ: a drift that swings
     is nought now and then. The variances are those of the noise in the last halves:
-    an autoregression, quadratic trends removed, so that a drift is not taken for noise. holds: output samples from each
-    change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are left out.
+    an autoregression, quadratic trends removed, so that a drift is not taken for noise. Where none passes, what the drift
+    leaves in the last quarters is foretold from how the means m of the quarters 2, 3, 4 close up: of an exponential it is
+    (m₃ − m₄)ρ/(1 − ρ), ρ = (m₃ − m₄)/(m₂ − m₃); half a standard error of these means is as good as settled. holds: output
+    samples from each change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are
+    left out.
     Raises `WhidError("stage-too-short")` without a hold of 16 samples. Source [Brouri2019], the t_r of eq. (3.9).
 
     >>> t = np.arange(400)
@@ -91,13 +103,19 @@ class Cuts(NamedTuple):
     cut: Ints  # (cuts, 1)
     first: Ints  # (cuts, holds)
     half: Ints
+    quarter: Ints  # (4, holds): the ends of the first quarter to the last
+
+    def places(self, hold: int) -> Ints:
+        """Return every place of a hold where a mean begins or ends."""
+        return np.concatenate([self.cut[:, 0], self.first[:, hold], self.half[:, hold], self.quarter[:, hold]])
 
 
 def cuts_of(length: Ints) -> Cuts:
     """Return the cuts of holds of given lengths: up to half the shortest."""
     cut = np.arange(int(length.min()) // 2 + 1)[:, None]
     cut = cut[:: max(1, len(cut) // 500)]
-    return Cuts(cut, cut + (length - cut) // 4, length - (length - cut) // 2)
+    quarter = np.arange(1, 5)[:, None] * length // 4
+    return Cuts(cut, cut + (length - cut) // 4, length - (length - cut) // 2, quarter)
 
 
 def settle_of(
@@ -108,7 +126,7 @@ def settle_of(
     from scipy.special import chdtrc
 
     n = np.array([hold.length for hold in holds])
-    cut, first, half = cuts_of(n)
+    cut, first, half, quarter = cuts_of(n)
     noise = estimate_noise(late_halves, degree=2)
     starts = np.broadcast_to(cut, first.shape)
     pairs = [hold.mean(starts[:, h], first[:, h]) for h, hold in enumerate(holds)]
@@ -126,4 +144,27 @@ def settle_of(
     passed = np.flatnonzero((p >= significance) & lasting)
     at = int(passed[0]) if len(passed) else len(cut) - 1
     truncation = float(cut[at, 0]) * dt
-    return Settle(margin * truncation, truncation, float(statistic[at]), int(dof[at]), float(p[at]), bool(len(passed)))
+    found = Settle(margin * truncation, truncation, float(statistic[at]), int(dof[at]), float(p[at]), bool(len(passed)))
+    if found.reached:
+        return found
+    means = np.stack([hold.mean(quarter[:-1, h], quarter[1:, h])[0] for h, hold in enumerate(holds)], axis=1)
+    noise = estimate_noise([half[len(half) // 2 :] for half in late_halves], degree=2)  # less of the drift in it
+    std = float(np.sqrt(np.nanmean(noise.scale * noise.variance_of_mean(quarter[3] - quarter[2]))))
+    bias = foretold(means)
+    return found._replace(reached=bool(bias <= std / 2), bias=bias, bias_ratio=bias / max(std, 1e-300))
+
+
+def foretold(means: Floats) -> float:
+    """Return the rms, over holds, of what an exponential drift leaves in the last of three equal stretches' means.
+
+    means (3, holds); infinite where the drift does not slow down.
+
+    >>> round(foretold(np.array([[8.0], [4.0], [2.0]])), 6)
+    2.0
+    """
+    before, after = np.diff(means, axis=0)
+    use = np.isfinite(before) & np.isfinite(after)
+    before, after = before[use], after[use]
+    rho = float(before @ after) / max(float(before @ before), 1e-300)
+    size = float(np.sqrt(np.mean(before**2))) if len(before) else np.inf
+    return size * rho**2 / (1 - rho) if rho < 1 else np.inf
