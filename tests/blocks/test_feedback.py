@@ -89,3 +89,17 @@ def test_what_comes_back_belongs_to_a_free_start():
     loop, u = Feedback(forward=Linear(num=(1.0,), den=(1.0, 1.0))), np.zeros(30)
     y = loop.step(held(u, 0.2, "zoh"), loop.steady(3.0, 0.2)[1])[0].values
     np.testing.assert_allclose(predict(loop, Record(u=u, y=y, dt=0.2, initial="free")), y, atol=1e-9)
+
+
+def test_derivatives_go_round_in_windows_of_any_length(monkeypatch):
+    """A stack of derivatives is taken window by window; where the windows end makes no difference."""
+    lag = Linear(num=(1.0,), den=(1.0, 1.0))
+    loop = Feedback(forward=lag, back=Polynomial(coefficients=(0.1, 0.4, 0.0, 0.1)), solve="continuous")
+    u, names = held(np.sin(np.arange(40.0)), 0.2, "zoh"), [p.name for p in loop.parameters()]
+
+    def derivatives():
+        return np.array([t.values for t in loop.tangent(u, [u], names).tangents])
+
+    whole = derivatives()
+    monkeypatch.setattr("whid.blocks._relaxed.CELLS", 7 * len(whole) * u.order)
+    np.testing.assert_allclose(derivatives(), whole, rtol=0, atol=1e-10)

@@ -11,10 +11,11 @@ from whid.blocks._block import Block
 from whid.blocks._split import pointwise, total
 from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
-from whid.signal import Floats, Signal, joined
+from whid.signal import Floats, Impulses, Panels, Signal, joined
 
 ROUNDS = 60  # of a window before it is halved
 PATIENCE, SLOW = 6, 0.05  # it is halved, too, where six rounds bring it less than twenty times nearer: sixty would not do
+CELLS = 1 << 17  # numbers in a window of a stack of derivatives, at most: going round in the cache costs a tenth
 CLOSE, CLOSE_RATE = 1e-14, 1e-11  # of the largest value: the loop has settled
 
 
@@ -23,6 +24,18 @@ class Round(NamedTuple):
 
     forward: Any = None
     back: Any = None
+
+
+class Rates(NamedTuple):
+    """Where both blocks stand with the derivatives that come round, and with those that they make of their own numbers."""
+
+    along: Round
+    own: Round
+
+    @classmethod
+    def of(cls, state: Any) -> Rates:
+        """Return the start of a loop: the same state for all."""
+        return cls(Round(state, state), Round(state, state))
 
 
 class Relaxed(NamedTuple):
@@ -53,29 +66,30 @@ class Relaxed(NamedTuple):
         return found[0] if len(found) == 1 else joined(*found), at
 
     def tangent(
-        self, u: Signal, inputs: Sequence[Signal], wrt: Sequence[str], at: Round, along: Round
-    ) -> tuple[Signal, Sequence[Signal], Round, Round]:
+        self, u: Signal, inputs: Sequence[Signal], wrt: Sequence[str], at: Round, rates: Rates
+    ) -> tuple[Signal, Sequence[Signal], Round, Rates]:
         """Return y, its derivatives (a column an input, the blocks' own numbers added to the last len(wrt)), the states."""
         if not inputs:
             y, at = self.step(u, at)
-            return y, [], at, at
-        outputs, rates, size, du = [], [], u.samples, stacked(inputs)
+            return y, [], at, rates
+        outputs, found, du = [], [], stacked(inputs)
+        size = most = max(CELLS // (len(inputs) * (1 if u.sampled else u.order)), 2)
         while u.samples:
-            part, along_part = (u[:size], du[:size]) if size < u.samples else (u, du)
+            part, along = (u[:size], du[:size]) if size < u.samples else (u, du)
             y, behind = self._settled(part, at)
-            dy, behind_rates = (du, None) if behind is None else self._settled_rates(part, y, along_part, wrt, at, along)
+            dy, behind_rates = (du, None) if behind is None else self._settled_rates(part, y, along, wrt, at, rates)
             if behind is not None and behind_rates is not None:
                 outputs.append(y)
-                rates.append(dy)
+                found.append(dy)
                 n = part.samples
-                at, along, u, du, size = behind, behind_rates, u[n:], du[n:], 2 * n
+                at, rates, u, du, size = behind, behind_rates, u[n:], du[n:], min(2 * n, most)
             elif part.samples < 2:
                 raise WhidError("feedback-no-solution", "the loop does not settle within one sample", f"t = {u.t0:g} s")
             else:
                 size = part.samples // 2
         if len(outputs) == 1:
-            return outputs[0], Bundle(rates[0]), at, along
-        return joined(*outputs), Bundle(joined(*rates)), at, along
+            return outputs[0], Bundle(found[0]), at, rates
+        return joined(*outputs), Bundle(joined(*found)), at, rates
 
     def _settled(self, u: Signal, at: Round) -> tuple[Signal, Round | None]:
         """Return y over a window and the states behind it; None where going round does not settle it soon."""
@@ -93,22 +107,29 @@ class Relaxed(NamedTuple):
         return y, None
 
     def _settled_rates(
-        self, u: Signal, y: Signal, du: Signal, wrt: Sequence[str], at: Round, along: Round
-    ) -> tuple[Signal, Round | None]:
-        """Return the derivatives of y over a window and the states behind it; None where they do not settle soon."""
+        self, u: Signal, y: Signal, du: Signal, wrt: Sequence[str], at: Round, rates: Rates
+    ) -> tuple[Signal, Rates | None]:
+        """Return the derivatives of y over a window and the states behind it; None where they do not settle soon.
+
+        What the blocks' own numbers do at first hand is the same in every round: only what comes round is made again.
+        """
         z = y if self.back is None else self.back.step(y, at.back)[0]
-        e = self._fed(u, z)
-        found, states = _added(self.forward, e, du, wrt, "forward.", along.forward)
+        e, columns = self._fed(u, z), len(du.values)
+        ahead = _Own.of(self.forward, e, wrt, "forward.", columns, rates.own.forward)
+        behind = None if self.back is None else _Own.of(self.back, y, wrt, "back.", columns, rates.own.back)
+        found, forward = ahead.along(self.forward, e, du, rates.along.forward)
         watch = _Watch(CLOSE_RATE)
         for _ in range(ROUNDS):
-            dz, behind = (found, None) if self.back is None else _added(self.back, y, found, wrt, "back.", along.back)
-            again, states = _added(self.forward, e, self._fed(du, dz), wrt, "forward.", along.forward)
+            dz, back = found, None
+            if self.back is not None and behind is not None:
+                dz, back = behind.along(self.back, y, found, rates.along.back)
+            again, forward = ahead.along(self.forward, e, self._fed(du, dz), rates.along.forward)
             moving = watch.moves(again, found)
             found = again
             if moving is None:
                 break
             if not moving:
-                return found, Round(states, behind)
+                return found, Rates(Round(forward, back), Round(ahead.state, behind and behind.state))
         return found, None
 
     def _fed(self, u: Signal, z: Signal) -> Signal:
@@ -129,9 +150,13 @@ class _Watch:
 
     def moves(self, new: Signal, old: Signal) -> bool | None:
         """Tell whether it still moves by more than rounding; None where it runs away or will not settle soon."""
-        x, before = _course(new), _course(old)
-        size, change = (np.abs(v).max(axis=(-2, -1), initial=0.0) for v in (x, x - before))
-        if not np.all(np.isfinite(size)) or np.any(size > 1e9 * (1 + np.abs(before).max(axis=(-2, -1), initial=0.0))):
+        pairs = [(new.values, old.values)]
+        if callable(new.between):
+            pairs.append((new.panels.values, old.panels.values))
+        size, before, change = (
+            _largest(each) for each in ([x for x, _ in pairs], [x for _, x in pairs], [x - y for x, y in pairs])
+        )
+        if not np.all(np.isfinite(size)) or np.any(size > 1e9 * (1 + before)):
             return None
         far = change > self.close * size
         if not np.any(far):
@@ -142,26 +167,40 @@ class _Watch:
         return None if slow and new.samples > 1 else True
 
 
-def _course(signal: Signal) -> Floats:
-    """Return the samples, and what the signal does between them: (…, 1 or 1 + q, N)."""
-    samples = signal.values[..., None, :]
-    return np.concatenate([samples, signal.panels.values], axis=-2) if callable(signal.between) else samples
+def _largest(arrays: Sequence[Floats]) -> Floats:
+    """Return the largest size in arrays (…, N) and (…, q, N), one number a column of a stack."""
+    rows = [x.reshape(*x.shape[: arrays[0].ndim - 1], -1) for x in arrays]
+    found = [np.maximum(x.max(axis=-1, initial=0.0), -x.min(axis=-1, initial=0.0)) for x in rows]
+    return np.asarray(np.max(found, axis=0))
 
 
-def _added(block: Block, signal: Signal, seeds: Signal, wrt: Sequence[str], prefix: str, state: Any) -> tuple[Signal, Any]:
-    """Return a block's derivatives along a stack of seeds, the last len(wrt) with the block's own numbers added."""
-    mine = [k for k, name in enumerate(wrt) if name.startswith(prefix)]
-    _, along, state = block.tangent(signal, Bundle(seeds), [wrt[k][len(prefix) :] for k in mine], state)
-    count = len(seeds.values)
-    rows = [count - len(wrt) + k for k in mine]
+class _Own(NamedTuple):
+    """What a block makes of its own numbers, a row a column of the loop's stack, and where it stands then."""
 
-    def summed(values: Floats) -> Floats:
-        out = values[:count].copy()
-        out[rows] += values[count:]
-        return out
+    made: Signal | None
+    state: Any
 
-    def impulses(courses: Sequence[Any]) -> Any:
-        hits = courses[0].impulses
-        return hits._replace(area=summed(hits.area)) if len(hits.at) else hits
+    @classmethod
+    def of(cls, block: Block, signal: Signal, wrt: Sequence[str], prefix: str, columns: int, state: Any) -> _Own:
+        """Return the derivatives by the names that begin like this; all names belong to the last of so many columns."""
+        mine = [k for k, name in enumerate(wrt) if name.startswith(prefix)]
+        if not mine:
+            return cls(None, state)
+        _, found, state = block.tangent(signal, [], [wrt[k][len(prefix) :] for k in mine], state)
+        rows = [columns - len(wrt) + k for k in mine]
 
-    return pointwise(summed, [stacked(along)], impulses), state
+        def spread(values: Floats) -> Floats:
+            out = np.zeros((columns, *values.shape[1:]))
+            out[rows] = values
+            return out
+
+        def impulses(courses: Sequence[Panels]) -> Impulses:
+            hits = courses[0].impulses
+            return hits._replace(area=spread(hits.area)) if len(hits.at) else hits
+
+        return cls(pointwise(spread, [stacked(found)], impulses), state)
+
+    def along(self, block: Block, signal: Signal, seeds: Signal, state: Any) -> tuple[Signal, Any]:
+        """Return the block's derivatives along a stack of seeds with its own added, and where it stands then."""
+        _, along, state = block.tangent(signal, Bundle(seeds), [], state)
+        return (stacked(along) if self.made is None else total([stacked(along), self.made])), state

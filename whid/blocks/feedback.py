@@ -10,7 +10,7 @@ import numpy as np
 
 from whid.blocks._block import STEADY, Block, State, Tangents
 from whid.blocks._loop import StaticLoop, error, memoryless, root, static_tangent
-from whid.blocks._relaxed import Relaxed, Round
+from whid.blocks._relaxed import Rates, Relaxed, Round
 from whid.blocks._split import pointwise, total
 from whid.signal import Floats, Signal, joined
 
@@ -50,8 +50,11 @@ class Feedback(Block):
             return signal, state
         if self._instant:
             return self.forward.step(error(self._static, signal))[0], None
-        if self.solve == "continuous":
-            return self._relaxed.step(signal, self._standing(signal, state))
+        if self.relaxes:
+            found: tuple[Signal, State] = signal.once(
+                lambda: self._relaxed.step(signal, self._standing(signal, state)), Feedback.step, self, signal, state
+            )
+            return found
         passed = []
         loop = state if isinstance(state, _Loop) else self._started(signal, state)
         for n in range(len(signal.values)):
@@ -71,10 +74,10 @@ class Feedback(Block):
             return Tangents(*static_tangent(self._static, signal, seeds, wrt), None)
         zero = signal.with_values(np.zeros(len(signal.values)), "discrete" if signal.sampled else "zoh")
         inputs = [*seeds, *[zero] * len(wrt)]
-        if self.solve == "continuous":
-            at, along = state if isinstance(state, tuple) else (self._standing(signal, state), Round(state, state))
-            y, found, at, along = self._relaxed.tangent(signal, inputs, wrt, at, along)
-            return Tangents(y, found, (at, along))
+        if self.relaxes:
+            at, rates = state if isinstance(state, tuple) else (self._standing(signal, state), Rates.of(state))
+            y, found, at, rates = self._relaxed.tangent(signal, inputs, wrt, at, rates)
+            return Tangents(y, found, (at, rates))
         if isinstance(state, tuple):
             plain, tangents, dz = state
         else:
@@ -116,6 +119,11 @@ class Feedback(Block):
         if isinstance(state, str):  # STEADY
             state = self.steady(float(u.values[0]), u.dt)[1]
         return Round(state.forward, state.back) if isinstance(state, _Loop) else Round(state, state)
+
+    @property
+    def relaxes(self) -> bool:
+        """Tell whether it is solved by going round."""
+        return self.solve == "continuous" and not self._instant
 
     @property
     def _relaxed(self) -> Relaxed:

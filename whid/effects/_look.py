@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from whid.blocks._block import STEADY, Block
 from whid.blocks.chain import Chain
+from whid.blocks.feedback import Feedback
 from whid.blocks.oversampled import Oversampled
 from whid.effects._candidate import Candidate
 from whid.errors import WhidError
 from whid.predict import chunks, input_signal
 from whid.record import Record
 from whid.refine import Past, past
+from whid.refine._free import walk
 from whid.signal import Floats, Signal
 from whid.stages._whiten import whitened
 from whid.system import System
@@ -66,9 +68,14 @@ class Look:
         return sum(int(use.sum()) for use in self.use)
 
     @cached_property
+    def rates(self) -> str:
+        """Return the path of derivatives: those of a loop in continuous time are taken on samples: near, and cheap."""
+        return "sampled" if any(isinstance(b, Feedback) and b.relaxes for _, b in walk(self.system.tree)) else self.path
+
+    @cached_property
     def predicted(self) -> tuple[Floats, ...]:
         """Return ŷ of every record; where its derivatives are not known already, without them, which is cheaper."""
-        if "_linearised" in self.__dict__:
+        if "_linearised" in self.__dict__ and self.rates == self.path:
             return self._linearised[0]
         pairs = zip(self.records, self.past, strict=True)
         return tuple(respond(self.system.tree, record, self.path, before) for record, before in pairs)
@@ -193,7 +200,7 @@ class Look:
     def _linearised(self) -> tuple[tuple[Floats, ...], Floats, tuple[Floats, ...]]:
         names = [p.name for p in self.system.tree.parameters()]
         pairs = [
-            sensitivities(self.system.tree, record, names, self.path, before)
+            sensitivities(self.system.tree, record, names, self.rates, before)
             for record, before in zip(self.records, self.past, strict=True)
         ]
         return tuple(y for y, _ in pairs), self.rows([j for _, j in pairs]), tuple(j for _, j in pairs)

@@ -15,9 +15,9 @@ from whid.refine._words import common_factor, dependent, in_words, last_to_hold
 from whid.signal import Floats
 
 
-def gauged(free: FreeNumbers, data: tuple[Data, ...], path: str) -> tuple[Problem, tuple[str, ...]]:
+def gauged(free: FreeNumbers, data: tuple[Data, ...], path: str, rates: str = "") -> tuple[Problem, tuple[str, ...]]:
     """Return the problem without directions that have no effect, and what was held for them."""
-    problem = Problem(free, data, path)
+    problem = Problem(free, data, path, rates)
     names = [p.name for p in problem.parameters]
     triangle = started(problem)
     found = [(names[j], d) for j, d in dependent(triangle, last_to_hold(free.tree, names)) if names[j] in set(free.names)]
@@ -25,7 +25,7 @@ def gauged(free: FreeNumbers, data: tuple[Data, ...], path: str) -> tuple[Proble
         return problem, ()
     words = tuple(f"{said(free.tree, names, triangle, name, direction)}: {name} is held" for name, direction in found)
     held = (*free.held, *(name for name, _ in found))
-    fewer = Problem(replace(free, held=held), data, path)
+    fewer = Problem(replace(free, held=held), data, path, rates)
     keep = np.array([name not in held for name in names])
     fewer.latest[fewer.start.tobytes()] = triangle.columns(keep)
     return fewer, words

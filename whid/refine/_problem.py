@@ -165,11 +165,16 @@ def fastest(tree: Block, dt: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Σ over records and samples of (ŷ − y)², in units of the noise."""
+    """Σ over records and samples of (ŷ − y)², in units of the noise.
+
+    With derivatives on another path than the response's the steps are those of a near model, and the fit ends where they
+    find nothing more to gain: as much off as those derivatives are, in standard errors.
+    """
 
     free: FreeNumbers
     data: tuple[Data, ...]
     path: str = "exact"
+    rates: str = ""  # path of the derivatives; that of the response, where it is not named
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -254,7 +259,9 @@ class Problem:
         """Yield rows [∂ŷ/∂θ | ŷ − y], or [ŷ − y] alone where `levels` is None, in time order."""
         u = d.input(tree, self.path, past)
         u = u if tree.looks_ahead() else u[: d.lead + d.last]
-        state, seeds = d.start(tree, u), stacked(d.seeds(u)) if levels and d.lead else None
+        near = u if self.rates in ("", self.path) else d.input(tree, self.rates, past)[: u.samples]
+        state, seeds = d.start(tree, u), stacked(d.seeds(near)) if levels and d.lead else None
+        along_state = state
         own = len(self.free.parameters)
         for part in chunks(u.samples, tree, max(CHUNK // max(size, 1), LEAST)):
             keep = max(d.lead - part.start, 0)
@@ -263,7 +270,9 @@ class Problem:
                 out, state = tree.step(d.part(u, part), state)
             else:
                 before = [] if seeds is None else Bundle(seeds[part])
-                out, tangents, state = tree.tangent(d.part(u, part), before, self.free.names, state)
+                out, tangents, along_state = tree.tangent(d.part(near, part), before, self.free.names, along_state)
+                if near is not u:
+                    out, state = tree.step(d.part(u, part), state)
                 along = stacked(tangents).values[:, keep:] if len(tangents) else np.empty((0, rows.shape[1]))
                 rows[own:-1] = 0.0  # the levels of other records
                 rows[:own] = along[len(before) :] if self.free.plain else change.T @ along[len(before) :]

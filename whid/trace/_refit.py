@@ -75,7 +75,7 @@ def fitted(look: Look, iterations: int = 40, held: Sequence[str] = ()) -> tuple[
         none = np.empty(0)
         return look, Estimate((), none, none, np.empty((0, 0)), 0, np.empty((0, 0)), look.chi2, look.samples, 0, "linear")
     found = refine(
-        look.system, look.records, path=look.path, std=[n.std for n in look.noises],
+        look.system, look.records, path=look.path, rates=look.rates, std=[n.std for n in look.noises],
         ar=[n.ar for n in look.noises], max_iterations=iterations, fixed=held,
     )  # fmt: skip
     if found.estimate.why_stop == "interrupted":
