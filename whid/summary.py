@@ -42,7 +42,9 @@ def _in_units(table: Table, units: Mapping[str, str]) -> Table:
 
 def page(result: Result) -> str:
     """Return summary.md."""
-    status = f"**incomplete**: {result.error.message} (in {result.error.during})\n\n" if result.error else ""
+    status, why = "", result.error
+    if why:
+        status = f"**incomplete** ({why.code}): {why.message} (in {why.during}). Try: {why.explanation.remedy}\n\n"
     pictures = "".join(f"\n![{name}]({name})\n" for name in result.pictures)
     body = "\n\n".join(markdown(table) for table in result.tables)
     return f"# {result.name}\n\n{status}{body}\n{pictures}"

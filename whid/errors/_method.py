@@ -106,6 +106,13 @@ CATALOGUE: dict[str, Explanation] = {
         "moves it at any amplitude: start it from another side, with a step far beyond the working range.",
         FAILED,
     ),
+    "method-one-sided": Explanation(
+        "Every loop is one-sided: the output follows one border of the backlash and holds on the way back, so that nothing "
+        "tells where the other border lies.",
+        "Try other amplitudes, larger and smaller (a larger one need not help), lower frequencies, or start from another "
+        "side, with a step far beyond the working range; average more periods where the way back may be small.",
+        FAILED,
+    ),
     "method-few-frequencies": Explanation(
         "The frequency response was measured at too few frequencies for a transfer function.",
         "Add sines at three frequencies or more; the response and the borders that were found are kept.",

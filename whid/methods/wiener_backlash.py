@@ -68,7 +68,13 @@ class WienerBacklash(Method):
         static = self.nonlinearity == "static" or (self.nonlinearity == "auto" and not verdict.backlash)
         if static and all(even for even, moves in zip(verdict.ambiguous, verdict.moving, strict=True) if moves):
             raise WhidError("method-even-curve", "the curve is even about zero: phases are known modulo π/2 only")
-        yield constant_stages(swings, self.degree)
+        stages = constant_stages(swings, self.degree)
+        yield stages
+        if not static and all(stages.half):
+            raise WhidError(
+                "method-one-sided",
+                f"through one half of each of {len(swings)} sines the output holds: one border is never met",
+            )
         separable = separable_borders(swings, self.degree)
         yield separable
         yield paper_borders([separable.row(k) for k in range(len(swings))])

@@ -37,7 +37,7 @@ def noise_test(square: Floats, dof: NDArray[np.intp], std: Floats, lines: int) -
     used = dof > 0
     if not lines or not used.any():
         return NoiseTest(0.0, 0, 0, 1.0)
-    if _equal(std**2, lines):
+    if equal(std**2, lines):
         ratio = float(square[used].sum() / (dof.sum() * np.mean(std**2)))
         free, noise = int(dof.sum()), 2 * lines * len(std)
         return NoiseTest(ratio, free, noise, float(fdtrc(free, noise, ratio)))
@@ -46,12 +46,12 @@ def noise_test(square: Floats, dof: NDArray[np.intp], std: Floats, lines: int) -
     return NoiseTest(statistic, 2 * int(used.sum()), 0, float(chdtrc(2 * used.sum(), statistic)))
 
 
-def _equal(variance: Floats, lines: int) -> bool:
+def equal(variance: Floats, lines: int, significance: float = UNEQUAL) -> bool:
     """Tell whether variances of 2·lines degrees of freedom each are one (Bartlett)."""
     from scipy.special import chdtrc
 
     count, nu = len(variance), 2 * lines
-    if count < 2:
-        return True
+    if count < 2 or not variance.min() > 0:
+        return count < 2
     spread = nu * (count * np.log(variance.mean()) - np.log(variance).sum())
-    return bool(chdtrc(count - 1, spread / (1 + (count + 1) / (3 * count * nu))) > UNEQUAL)
+    return bool(chdtrc(count - 1, spread / (1 + (count + 1) / (3 * count * nu))) > significance)

@@ -46,7 +46,7 @@ def pooled(curve: StaticCurve, visits: NDArray[np.bool_] | None = None, extra: f
     return Pooled(level, average, 1 / np.sqrt(total), chi2, len(mean) - len(average))
 
 
-def visit_variance(curve: StaticCurve, significance: float = 0.01) -> float:
+def visit_variance(curve: StaticCurve, significance: float = 0.001) -> float:
     """Return the variance that visits of one level show beyond their standard errors, 0 where it is not significant.
 
     From Σ w (y − ȳ)² = dof + τ²(Σw − Σ_levels Σw²/Σw) [DerSimonian, Laird 1986].

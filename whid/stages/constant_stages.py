@@ -15,6 +15,7 @@ from whid.stages._hysteresis import Lumped, Swing, lumped
 
 FLAT = 6.0  # standard errors between the lowest and the highest sample of a constant stage
 SHORTEST = 1 / 32  # of a period: less is the top of a sine
+MOVES = 1e-4  # p below which half a period is no constant stage
 ROUNDING = 1e-6  # of the output's range: as flat as noise-free data get
 
 
@@ -42,6 +43,7 @@ class ConstantStages(NamedTuple):
     rising_std: Annotated[Floats, Quantity("output", ("sine", "power"))]
     falling: Annotated[Floats, Quantity("output", ("sine", "power"), error="falling_std")]
     falling_std: Annotated[Floats, Quantity("output", ("sine", "power"))]
+    half: tuple[bool, ...]  # the output holds, but for noise, through one half of the sine: one border is never met
 
     def table(self) -> Table:
         """Return one row a sine."""
@@ -53,7 +55,10 @@ class ConstantStages(NamedTuple):
             )
         )  # fmt: skip
         columns = ("ω, rad/s", "amplitude", "first stage, periods", "second", "phase by (23a), rad")
-        return Table("Constant stages", columns, rows, ("noise makes a stage look longer: it seems to begin early",))
+        notes = ["noise makes a stage look longer: it seems to begin early"]
+        if held := sum(self.half):
+            notes.append(f"the output holds through one half of {held} of {len(self.half)} sines: one border is not met")
+        return Table("Constant stages", columns, rows, tuple(notes))
 
 
 def constant_stages(swings: Sequence[Swing], degree: int) -> ConstantStages:
@@ -75,7 +80,8 @@ def constant_stages(swings: Sequence[Swing], degree: int) -> ConstantStages:
         np.array([s.omega for s in swings]), np.array([s.amplitude for s in swings]),
         np.array([f.first / len(s.mean) for f, s in zip(flats, swings, strict=True)]),
         np.array([f.second / len(s.mean) for f, s in zip(flats, swings, strict=True)]),
-        *(np.array([getattr(one, name) for one in found]) for name in Lumped._fields[2:]),
+        **{name: np.array([getattr(one, name) for one in found]) for name in Lumped._fields[2:]},
+        half=tuple(_holds_a_half(s, f) for s, f in zip(swings, flats, strict=True)),
     )  # fmt: skip
 
 
@@ -92,6 +98,16 @@ def flat_stretches(swing: Swing) -> Flat:
     best = int(np.argmax(other))
     second = int(late[best] + other[best]) if other[best] >= SHORTEST * m else 0
     return Flat(start, int(length[start]), max(second, 0))
+
+
+def _holds_a_half(swing: Swing, flat: Flat) -> bool:
+    """Tell whether a stage is half a period long, and its scatter that of the noise."""
+    from scipy.special import chdtrc
+
+    half = len(swing.mean) // 2
+    place = (flat.start + np.arange(half)) % len(swing.mean)
+    y, std = swing.mean[place], swing.std[place]
+    return flat.first >= half and bool(chdtrc(half - 1, np.sum(((y - y.mean()) / std) ** 2)) > MOVES)
 
 
 def outside(swing: Swing, flat: Flat) -> NDArray[np.bool_]:

@@ -158,10 +158,5 @@ def _tails(powers: Floats, data: Floats, stages: np.ndarray) -> Floats:
     return np.asarray(total[:, stages])
 
 
-def _heads(data: Floats, stages: np.ndarray) -> Floats:
-    """Return Σ_{i < s} data_i for every stage length s: (phases, stages)."""
-    return np.asarray(np.pad(np.cumsum(data, axis=1), ((0, 0), (1, 0)))[:, stages])
-
-
 def _grams(powers: Floats, stages: np.ndarray) -> Floats:
     return np.array([powers[s:].T @ powers[s:] for s in stages])

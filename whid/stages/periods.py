@@ -11,11 +11,13 @@ from whid.errors import WhidError
 from whid.fit import Parameter, least_squares, linear_least_squares
 from whid.quantity import Measured, Quantity, Table
 from whid.signal import Floats
+from whid.stages._noise_test import equal
 
 Complexes = NDArray[np.complex128]
 
 _WHITE = np.empty(0)
 _LINES = 16  # spectral lines at least behind a standard error: with 4 a 95 % interval covers 88 %
+_ALIKE = 0.05  # p of Bartlett's test above which all orders share one noise: weights from 36 degrees of freedom each scatter
 _BLOCK = 16384  # samples of a regression held as rows at a time
 
 
@@ -119,6 +121,7 @@ def harmonics(y: Floats, period: float, skip: int = 1, count: int = 20, ar: Floa
     A whole number of samples a period and nothing missing: exact by FFT; else least squares on the true times. The noise
     of harmonic k is that of the (P − 1)/2 spectral lines on either side of it, P the number of periods, and of at least 8:
     right for coloured noise, where white-noise formulas are far off, and independent of the harmonics; infinite when P = 1.
+    Where Bartlett's test finds the noise of all orders alike (p > 0.05) they share its mean.
     ar: the noise's colour where it is known, e(n) = Σ ar[k] e(n − 1 − k) + …; of it the shape counts, not the size.
     y (N,), NaN where missing; period in samples, any real number > 2. Raises `WhidError("stage-too-short")`.
     Source [Brouri2019], eq. (3.24)-(3.25).
@@ -192,11 +195,13 @@ def of_lines(value: Complexes, power: Floats, noise_std: float, window: Window, 
         return Harmonics(order, value, endless, endless, 0, noise_std, window.period, 1)
     near, own = window.lines(len(order) - 1), window.lines(len(order) - 1, 0)
     at = _shape(ar, order * window.periods, window.length)
-    shared = at * np.mean(power[near] / _shape(ar, near, window.length), axis=1)
+    shared = np.mean(power[near] / _shape(ar, near, window.length), axis=1)
+    if equal(shared, near.shape[1], _ALIKE):
+        shared = np.full(len(shared), shared.mean())
     part = np.sqrt(np.where(order == 0, 1.0, 2.0)) / window.valid
     alone = part * np.sqrt(np.mean(power[own], axis=1))
     return Harmonics(
-        order, value, part * np.sqrt(shared), alone, own.shape[1], noise_std, window.period, window.periods
+        order, value, part * np.sqrt(at * shared), alone, own.shape[1], noise_std, window.period, window.periods
     )  # fmt: skip
 
 

@@ -44,8 +44,13 @@ class StaticOrBacklash(NamedTuple):
             for w, u, c, p, m in zip(self.omega, self.amplitude, self.p_constant, self.p, self.moving, strict=True)
         )  # fmt: skip
         verdict = "backlash: no static curve makes these harmonics" if self.backlash else "a static curve explains them"
+        note = (
+            f"{verdict} (p = {self.p_static:.3g} over all sines)"
+            if self.dof
+            else "the output does not move: nothing to tell"
+        )
         columns = ("ω, rad/s", "amplitude", "p constant", "p static", "output")
-        return Table("Static or backlash?", columns, rows, (f"{verdict} (p = {self.p_static:.3g} over all sines)",))
+        return Table("Static or backlash?", columns, rows, (note,))
 
     def metrics(self) -> dict[str, float]:
         """Return `static.p`, below 1e-4 where no static curve makes the harmonics."""
