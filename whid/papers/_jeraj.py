@@ -47,12 +47,22 @@ def curve(bench: Bench) -> Static:
 def trials(bench: Bench, count: int, snr_db: float, key: int) -> Iterator[Trial]:
     """Yield records of the study at a signal-to-noise ratio (inf: no noise), each with draws of its own."""
     assert bench.plant is not None
-    noise: Any = White(std=0.0) if np.isinf(snr_db) else White(snr_db=snr_db)
+    noise = _noise(snr_db)
     plant = replace(bench.plant, noise=(noise,))
     for k in range(count):
         record = simulate(plant, bench.experiments[0], bench.rng(key, k))
         yield Trial(record.u, record.y, noise.scale(curve(bench).value(record.u)))
         bench.watch(k + 1, count)
+
+
+def disturbed(clean: Floats, snr_db: float, rng: np.random.Generator) -> Floats:
+    """Return an output with noise of a signal-to-noise ratio."""
+    noise = _noise(snr_db)
+    return clean + noise.scale(clean) * noise.draw(len(clean), 1.0, rng) if np.isfinite(snr_db) else clean
+
+
+def _noise(snr_db: float) -> White:
+    return White(std=0.0) if np.isinf(snr_db) else White(snr_db=snr_db)
 
 
 class Ruler(NamedTuple):

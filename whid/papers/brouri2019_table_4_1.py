@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STEPWISE = {"front.gain@0.02": 7e-4, "front.gain@0.04": 8e-4, "front.gain@0.06": 9e-4}  # bar A5
+OBSERVED = 0.5  # of the runs that must have a number: a harmonic that f does not make stands out of the noise now and then
 GAIN, PHASE = 0.003, 0.010  # bar A6, rad
 
 
@@ -68,7 +69,10 @@ class Brouri2019Table41(Exhibit):
     def _errors(self, name: str, found: Mapping[str, Floats], truth: float, least: float) -> Row:
         printed = self.printed(name)
         off = None if printed is None else abs(printed - truth)
-        paper, ours = (rmse(found[key][:, 0] - truth) if key in found else None for key in (f"paper.{name}", name))
+        paper, ours = (
+            rmse(found[key][:, 0] - truth) if key in found and np.isfinite(found[key][:, 0]).mean() > OBSERVED else None
+            for key in (f"paper.{name}", name)
+        )
         return Row(f"error of {name}", off, paper, ours or "not observed", least if ours else None)
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whid.papers._exhibit import Bench, Exhibit, Regenerated, Row
-from whid.papers._jeraj import NOT_GIVEN, Ruler, method, trials
+from whid.papers._jeraj import NOT_GIVEN, Ruler, disturbed, method, trials
 from whid.papers._monte_carlo import mean
 from whid.quantity import Measured
 from whid.result import Check
 from whid.signal import Floats
 from whid.stages.chebyshev_fit import chebyshev_fit
-from whid.stages.node_windows import node_windows
+from whid.stages.node_windows import each_node_windows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,16 +55,20 @@ class JerajFigure2(Exhibit):
 
 
 def largest_errors(bench: Bench, efficient: bool = True) -> tuple[Floats, Floats]:
-    """Return the largest error of every run (ratios, runs), of the paper's method and least squares (NaN: not asked)."""
+    """Return the largest error of every run (ratios, runs), of the paper's method and least squares (NaN: not asked).
+
+    Input and undisturbed output of a run are the same at every ratio, the noise is not.
+    """
     options, domain = method(bench)
     ruler = Ruler.of(bench, options.order, domain)
     found = np.full((2, len(SNR_DB), bench.runs, options.order + 1), np.nan)
-    for k, snr in enumerate(SNR_DB):
-        for run, (x, y, _) in enumerate(trials(bench, bench.runs, snr, 100 + k)):
-            windows = node_windows(x, y, options.order, domain, options.half_width, options.min_points)
-            found[0, k, run] = windows.coefficients
-            if efficient:
-                found[1, k, run] = chebyshev_fit(x, y, options.order, domain, extra=0).coefficients
+    for run, (x, clean, _) in enumerate(trials(bench, bench.runs, float("inf"), 100)):
+        outputs = [disturbed(clean, snr, bench.rng(101 + k, run)) for k, snr in enumerate(SNR_DB)]
+        lines = each_node_windows(x, outputs, options.order, domain, options.half_width, options.min_points)
+        found[0, :, run] = [windows.coefficients for windows in lines]
+        if efficient:
+            fits = [chebyshev_fit(x, y, options.order, domain, extra=0) for y in outputs]
+            found[1, :, run] = [fit.coefficients for fit in fits]
     return ruler.largest(found[0]), ruler.largest(found[1])
 
 

@@ -14,7 +14,7 @@ from whid.stages._cells import ROOM, Cells
 from whid.stages._chebyshev import CHUNK, Domain, Moments, basis, empty, moments, scaled
 from whid.stages._local_lines import Seen, Windows
 
-HEAD = 1 << 16  # samples behind the pilot
+HEAD, PILOT = 1 << 16, 1 << 13  # samples that the pilot is from, and about how many of them: it need only be near
 TESTED, EVERY = 1 << 20, 32  # whether there is memory is asked of so many samples, and of every so many-th chunk
 NOWHERE = np.empty(0, np.intp)
 EDGES = np.array([-1.0, np.nextafter(1.0, 2.0)])  # of the domain, both of which belong to it
@@ -88,8 +88,8 @@ def curve_sums(
 ) -> CurveSums:
     """Return the sums of all chunks in one pass, and those of the windows.
 
-    The pilot is least squares of the first 65 536 samples. extra: terms beyond K (left out: K + 1). Where the chunks are cut
-    does not matter but for rounding.
+    The pilot is least squares of every few of the first 65 536 samples. extra: terms beyond K (left out: K + 1). Where the
+    chunks are cut does not matter but for rounding.
 
     >>> x = np.linspace(-1, 1, 1001)
     >>> two = [*one_chunk(x[:7], x[:7]), *one_chunk(x[7:], x[7:])]
@@ -213,11 +213,11 @@ class _Rows:
         return Moments(sums[: 2 * self.wide + 1], of_r[: self.wide + 1], float(products[n + 1, 1]), round(self.low[0]))
 
 
-def _pilot(head: Iterable[Samples], order: int, domain: Domain) -> Floats:
-    """Return the least-squares coefficients of the first samples."""
-    known = empty(order)
-    for x, y, _ in _small(head):
-        t = scaled(x, domain)
+def _pilot(head: Sequence[Samples], order: int, domain: Domain) -> Floats:
+    """Return the least-squares coefficients of some of the first samples."""
+    known, step = empty(order), max(1, sum(len(chunk.x) for chunk in head) // PILOT)
+    for x, y, _ in head:
+        t, y = scaled(x[::step], domain), y[::step]
         inside = np.abs(t) <= 1
         known = known.joined(moments(t, y, order) if inside.all() else moments(t[inside], y[inside], order))
     return normal_equations(known.gram(order), known.products, known.square, known.samples).values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import NamedTuple
@@ -143,6 +143,13 @@ class Windows:
     @classmethod
     def filled(cls, t: Floats, y: Floats, centres: Floats, halves: Floats, min_points: int, order: int = -1) -> Windows:
         """Return windows of samples that are all here, each half-width doubled until it holds min_points of them."""
+        return next(cls.each_filled(t, [y], centres, halves, min_points, order))
+
+    @classmethod
+    def each_filled(
+        cls, t: Floats, outputs: Iterable[Floats], centres: Floats, halves: Floats, min_points: int, order: int = -1
+    ) -> Iterator[Windows]:
+        """Yield the windows of every output over the same inputs."""
         places, found = [], np.array(halves)
         for i, centre in enumerate(centres):
             away = np.abs(t - centre)
@@ -152,9 +159,10 @@ class Windows:
                 where = np.flatnonzero(away <= found[i])
             found[i] = found[i] if found[i] <= WIDEST else np.inf
             places.append(where)
-        windows = cls(centres, found, order)
-        windows._take(places, t, y)
-        return windows
+        for y in outputs:
+            windows = cls(centres, found, order)
+            windows._take(places, t, y)
+            yield windows
 
     def lines(self, domain: Domain, seen: Seen, min_points: int) -> list[Line]:
         """Return the line of every window.

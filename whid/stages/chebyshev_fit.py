@@ -73,7 +73,7 @@ def fit_of(sums: CurveSums) -> ChebyshevFit:
     if found.rank <= order:
         message = f"the input takes too few values for {order + 1} coefficients: their design has rank {found.rank}"
         raise WhidError("stage-rank-one", message)
-    wider = normal_equations(gram, left.products, left.square, left.samples)
+    wider = normal_equations(gram, left.products, left.square, left.samples) if wide > order else found
     noise = float(np.sqrt(wider.chi2 / wider.dof))
     scale = float(np.sqrt(sums.square / left.samples))
     variance = found.chi2 / found.dof

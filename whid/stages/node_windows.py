@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -51,9 +52,17 @@ def node_windows(
     >>> node_windows(x, x**3, 3, (-1.0, 1.0)).coefficients.round(4) + 0
     array([0.  , 0.75, 0.  , 0.25])
     """
+    return next(each_node_windows(x, [y], order, domain, half_width, min_points))
+
+
+def each_node_windows(
+    x: Floats, outputs: Iterable[Floats], order: int, domain: Domain, half_width: float, min_points: int
+) -> Iterator[NodeWindows]:
+    """Yield the estimate from every output over the same inputs, whose windows are found once."""
     t = scaled(x, domain)
-    windows = Windows.filled(t, y, nodes(order), np.full(order + 1, half_width), min_points)
-    return windows_of(windows, domain, Seen.of(t), min_points)
+    seen, halves = Seen.of(t), np.full(order + 1, half_width)
+    for windows in Windows.each_filled(t, outputs, nodes(order), halves, min_points):
+        yield windows_of(windows, domain, seen, min_points)
 
 
 def windows_of(windows: Windows, domain: Domain, seen: Seen, min_points: int) -> NodeWindows:
