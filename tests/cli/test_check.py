@@ -49,7 +49,8 @@ def test_a_study_beyond_its_memory(whid):
     assert whid("check", CONFIGS / "starter.yaml", "--max-memory", "1MB").exit_code == 2
     chunked = whid("check", CONFIGS / "starter.yaml", "--set", long)  # its method goes through them in chunks
     assert chunked.exit_code == 0
-    assert "in chunks 300 MB" in chunked.stdout
+    assert "; 300 MB in chunks, where that is more than allowed" in chunked.stdout
+    assert "in chunks" not in whid("check", CONFIGS / "starter.yaml").stdout  # it would take more
     assert "such as 4GB" in whid("check", CONFIGS / "starter.yaml", "--max-memory", "much").stderr
 
 

@@ -96,7 +96,7 @@ def test_time_units(tmp_path):
     refused(tmp_path, "data-time-unit", "column is in ms", columns=Columns(time="t"), dt=0.1)
     written(tmp_path, 1000 * t, u, y, names="t [ms],u,y")
     assert record(tmp_path).record.dt == 0.1
-    refused(tmp_path, "data-time-unit", "headed ms", units={"time": "s"})
+    refused(tmp_path, "data-time-unit", "in ms, the config", units={"time": "s"})
     refused(tmp_path, "data-time-unit", "no unit of time", units={"time": "fortnight"})
     written(tmp_path, 1000 * t, u, y, names="t_ms,u,y")
     assert record(tmp_path).record.dt == 0.1
@@ -337,6 +337,24 @@ def test_times_of_a_calendar_and_of_a_day(tmp_path):
     (tmp_path / "day.csv").write_text("time,u,y\n" + rows.replace("2024-03-05T", ""))
     day = ingest(DataSource(file="day.csv", causal=False), tmp_path).record
     assert (day.dt, day.t0) == (0.1, 36000.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "asked"),
+    [("2024-03-05T10:00:{:02d}", False), ("10:00:{:02d}", False), ("17096328{:02d}", False), ("{}", True)],
+)
+def test_whole_seconds_of_a_calendar_are_not_asked_for_their_unit(tmp_path, first, asked):
+    rows = "".join(f"{first.format(k)},{k % 7},{k % 7 + k % 3}\n" for k in range(60))
+    (tmp_path / "s.csv").write_text("time,u,y\n" + rows)
+    notes = ingest(DataSource(file="s.csv", causal=False), tmp_path).notes
+    assert any("units: {time: ms}" in note for note in notes) is asked
+
+
+def test_dates_are_in_seconds_whatever_the_config_says(tmp_path):
+    rows = "".join(f"10:00:{k:02d},{k % 7},{k % 7 + k % 3}\n" for k in range(60))
+    (tmp_path / "s.csv").write_text("time,u,y\n" + rows)
+    with pytest.raises(WhidError, match="time is in s, the config says ms"):
+        ingest(DataSource(file="s.csv", causal=False, units={"time": "ms"}), tmp_path)
 
 
 def test_marks_of_overload_and_of_missing_samples(tmp_path):

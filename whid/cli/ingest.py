@@ -108,11 +108,17 @@ def _columns_table(source: DataSource, base: Path) -> Table:
             rows.append((k, name, table.units.get(name, ""), "", None, None, str(fault)))
             continue
         known = x[np.isfinite(x)]
-        ends = (float(known.min()), float(known.max())) if len(known) else (None, None)
+        ends = _ends(float(known.min()), float(known.max())) if len(known) else (None, None)
         missing = f"{len(x) - len(known)} missing" if len(known) < len(x) else ""
         rows.append((k, name, table.units.get(name, ""), len(x), *ends, missing))
     rows += [("", name, "", 1, value, value, "a single number") for name, value in list(table.scalars.items())[:SHOWN]]
     return Table(f"{Path(source.file).name}", ("column", "name", "unit", "samples", "lowest", "highest", ""), tuple(rows))
+
+
+def _ends(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a column; whole numbers that are close to each other with all their digits: Unix seconds."""
+    close = high - low < 1e-3 * abs(high) and low == round(low) and high == round(high)
+    return (int(low), int(high)) if close else (low, high)
 
 
 def _record_table(source: DataSource, found: Ingested) -> Table:
@@ -130,7 +136,7 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
     rows: list[tuple[Any, ...]] = [
         ("samples", len(record), "" if whole else f"{len(record) - len(y)} outputs missing"),
         ("sampling time, s", record.dt, f"{1 / record.dt:.6g} Hz"),
-        ("duration, s", len(record) * record.dt, f"from {record.t0:.12g} s"),
+        ("duration, s", len(record) * record.dt, _since(record.t0)),
         (in_units("input, input", record.units), None, _range(record.u, least_bit(record.u))),
         (in_units("output, output", record.units), None, _range(y, least_bit(y))),
     ]
@@ -140,6 +146,16 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
             ("input before output", None, order.verdict if source.causal else "not asked (causal: false)"),
         ]
     return Table(f"record {record.name}", ("what", "value", "remark"), tuple(rows))
+
+
+def _since(t0: float) -> str:
+    """Return where a record begins, as a date where it counts from 1970."""
+    from datetime import UTC, datetime
+
+    from whid.files.grid import UNIX
+
+    date = f"{datetime.fromtimestamp(t0, UTC):%Y-%m-%d %H:%M:%S} UTC" if UNIX <= t0 < 100 * UNIX else ""
+    return f"from {t0:.12g} s" + (f", {date}" if date else "")
 
 
 def _range(x: Any, bit: float) -> str:

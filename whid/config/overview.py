@@ -32,8 +32,9 @@ def overview(study: Study, base: Path = Path()) -> Table:
     if study.sweep:
         cells = " × ".join(f"{path} ({len(values)})" for path, values in study.sweep.over.items())
         rows.append(("sweep", f"{study.sweep.mode} over {cells}, {study.sweep.repeats} repeats"))
-    chunked = "" if whole(study) else f"; in chunks {human(in_chunks(study))}, where it would be more than allowed"
-    rows.append(("memory", f"about {human(memory(study, base))}{chunked}"))
+    needed, least = memory(study, base), in_chunks(study)
+    chunked = "" if whole(study) or least >= needed else f"; {human(least)} in chunks, where that is more than allowed"
+    rows.append(("memory", f"about {human(needed)}{chunked}"))
     return Table("", ("section", "what"), tuple(rows))
 
 

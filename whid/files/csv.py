@@ -47,7 +47,15 @@ def read(path: Path, delimiter: str | None = None, decimal: str | None = None, h
             row += blank <= row
         return f"{path.name}:{row}"
 
-    return Table(dialect.names, dialect.units, {}, load, where, dialect.named, blocks=blocks)
+    units = dialect.units | {name: "s" for name in _clocks(lines[dialect.first :], dialect)}
+    return Table(dialect.names, units, {}, load, where, dialect.named, blocks=blocks)
+
+
+def _clocks(lines: Sequence[str], dialect: Dialect) -> list[str]:
+    """Return the columns that hold dates or times of day, by their first row: these become seconds."""
+    cells = split(next((line for line in lines if line.strip()), ""), dialect.delimiter)
+    pairs = zip(dialect.names, cells, strict=False)
+    return [name for name, cell in pairs if number(cell, dialect.decimal) is None and clock(cell) is not None]
 
 
 def _chunks(

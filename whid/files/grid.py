@@ -18,6 +18,7 @@ from whid.signal import Floats
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 JITTER = 0.01  # of a step, accepted with a note
 LONGEST = 1e15  # s
+UNIX = 1e9  # s since 1970: from 2001 on a time is taken for one of the calendar
 GAP = 1.5  # steps: a longer one is taken for rows left out
 
 Where = Callable[[int], str]

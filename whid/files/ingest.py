@@ -210,10 +210,10 @@ def seconds(
     if unit not in grid.SECONDS:
         raise WhidError("data-time-unit", f"no unit of time: {unit!r}; allowed are {', '.join(grid.SECONDS)}")
     if written and grid.SECONDS[written] != grid.SECONDS[unit]:
-        raise WhidError("data-time-unit", f"the column {name} is headed {written}, the config says {unit}")
+        raise WhidError("data-time-unit", f"the column {name} is in {written}, the config says {unit}")
     note: tuple[str, ...] = () if unit == "s" else (f"time in {unit}, turned into s",)
-    whole = declared is None and not written and "time" not in source.units and bool((time == np.rint(time)).all())
-    if whole and len(time) > 1:
+    told = declared is not None or written or "time" in source.units or time[0] >= grid.UNIX
+    if not told and len(time) > 1 and bool((time == np.rint(time)).all()):
         note = (f"time steps by whole numbers ({time[1] - time[0]:g}): if that is not in s, say units: {{time: ms}}",)
     return np.asarray(time if unit == "s" else time * grid.SECONDS[unit]), note
 
