@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,11 +11,12 @@ from whid.blocks._block import Block
 from whid.blocks._split import pointwise, total
 from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
-from whid.signal import Floats, Impulses, Panels, Signal, joined
+from whid.signal import Floats, Impulses, Panels, Signal, held, joined
 
 ROUNDS = 60  # of a window before it is halved
 PATIENCE, SLOW = 6, 0.05  # it is halved, too, where six rounds bring it less than twenty times nearer: sixty would not do
 CELLS = 1 << 17  # numbers in a window of a stack of derivatives, at most: going round in the cache costs a tenth
+NEARER = 1e-2  # of what a round moved: as near as the rounds to come are foreseen on samples
 CLOSE, CLOSE_RATE = 1e-14, 1e-11  # of the largest value: the loop has settled
 
 
@@ -43,7 +44,8 @@ class Relaxed(NamedTuple):
 
     The map y → forward(u + sign·back(y)) of a loop with dynamics contracts on every window that is short enough
     [Lelarasmee, Ruehli and Sangiovanni-Vincentelli 1982]: faster than geometrically, so that a window on which it does so
-    slowly is better halved, and the ones behind it begin as short.
+    slowly is better halved, and the ones behind it begin as short. Between samples a round is dear, and every round leaves
+    the switching points of the one before in the signal; so what the rounds to come will add is foreseen on samples.
     """
 
     forward: Block
@@ -94,17 +96,31 @@ class Relaxed(NamedTuple):
     def _settled(self, u: Signal, at: Round) -> tuple[Signal, Round | None]:
         """Return y over a window and the states behind it; None where going round does not settle it soon."""
         y, _ = self.forward.step(u, at.forward)
-        watch = _Watch(CLOSE)
+        watch, near = _Watch(CLOSE), None if u.sampled else self._near(u, at)
+        y = y if near is None else _shifted(y, near, None)
         for _ in range(ROUNDS):
             z, back = (y, None) if self.back is None else self.back.step(y, at.back)
             again, end = self.forward.step(self._fed(u, z), at.forward)
             moving = watch.moves(again, y)
-            y = again
             if moving is None:
                 break
             if not moving:
-                return y, Round(end, back)
+                return again, Round(end, back)
+            y = again if near is None or not watch.nearing else _shifted(again, near, y)
         return y, None
+
+    def _near(self, u: Signal, at: Round) -> Callable[[Floats | None], Floats]:
+        """Return the map y → forward(u + sign·back(y)) on samples alone, None for nothing that comes back."""
+        samples = u.with_values(u.values, "discrete")
+
+        def around(y: Floats | None) -> Floats:
+            if y is None:
+                return self.forward.step(samples, at.forward)[0].values
+            z = samples.with_values(y)
+            z = z if self.back is None else self.back.step(z, at.back)[0]
+            return self.forward.step(self._fed(samples, z), at.forward)[0].values
+
+        return around
 
     def _settled_rates(
         self, u: Signal, y: Signal, du: Signal, wrt: Sequence[str], at: Round, rates: Rates
@@ -136,6 +152,26 @@ class Relaxed(NamedTuple):
         return total([u, z if self.sign > 0 else pointwise(np.negative, [z], _opposite)])
 
 
+def _shifted(found: Signal, near: Callable[[Floats | None], Floats], of: Signal | None) -> Signal:
+    """Return what a round made of a signal, moved by what the rounds to come will add to it on samples: on w = near(w) + d,
+    d = found − near(of) the defect of that map. Between samples the move runs straight; a few rounds less then find it all.
+    """
+    before = None if of is None else of.values
+    with np.errstate(all="ignore"):
+        defect = found.values - near(before)
+        enough = NEARER * float(np.abs(found.values - (0.0 if before is None else before)).max(initial=0.0))
+        w = found.values
+        for _ in range(ROUNDS):
+            again = near(w) + defect
+            moved = float(np.abs(again - w).max(initial=0.0))
+            w = again
+            if not moved > enough:
+                break
+    if not moved <= enough:
+        return found
+    return total([found, held(w - found.values, found.dt, "foh", found.t0, found.order)])
+
+
 def _opposite(courses: Sequence[Any]) -> Any:
     hits = courses[0].impulses
     return hits._replace(area=-hits.area)
@@ -147,6 +183,11 @@ class _Watch:
     def __init__(self, close: float) -> None:
         self.close = close
         self.moved: list[float] = []
+
+    @property
+    def nearing(self) -> bool:
+        """Tell whether the last round moved it less than the one before."""
+        return len(self.moved) < 2 or self.moved[-1] < self.moved[-2]
 
     def moves(self, new: Signal, old: Signal) -> bool | None:
         """Tell whether it still moves by more than rounding; None where it runs away or will not settle soon."""
@@ -163,6 +204,8 @@ class _Watch:
             return False
         with np.errstate(divide="ignore"):  # nothing yet, then something: it moves
             self.moved.append(float(np.max(change[far] / size[far])))
+        if len(self.moved) > 1 and self.moved[-1] ** 2 <= self.close * self.moved[-2]:
+            return False  # the next round would move it by no more than rounding
         slow = len(self.moved) > PATIENCE and self.moved[-1] > SLOW * self.moved[-1 - PATIENCE]
         return None if slow and new.samples > 1 else True
 

@@ -18,6 +18,8 @@ from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
 from whid.signal import NO_IMPULSES, Floats, Impulses, Ints, Signal, rule
 
+JOINED = 1e-7  # of the span of a panel: what interpolation at its nodes may be off at its ends
+
 Coefficients = Annotated[tuple[Annotated[float, Free("output")], ...], MinLen(1)]
 
 
@@ -134,7 +136,7 @@ class _Course:
         if inner:
             self.whole = turned(split(signal, _turns(self.slopes))[0])
             self.samples = np.flatnonzero(np.append(True, np.diff(self.whole.interval) > 0))  # panels that begin at one
-            knots = _joined(_ends(self.whole.values, self.samples, signal.values))
+            knots = _joined(_ends(self.whole.values, self.samples, signal.values), np.ptp(self.whole.values, axis=0))
         self.v = np.append(start.v, knots)
         self.path = follow(self.v, float(start.w[0]), start.heading, table)
         if inner:
@@ -219,10 +221,15 @@ def _ends(values: Floats, samples: Ints, at_samples: Floats) -> Floats:
     return np.asarray(np.swapaxes(ends, -1, -2).reshape(*ends.shape[:-2], -1))
 
 
-def _joined(knots: Floats) -> Floats:
-    """Let a panel end on the very number that the next begins with where only rounding parts them: no turning there."""
+def _joined(knots: Floats, span: Floats) -> Floats:
+    """Let a panel end on the very number that the next begins with where a course through nodes does not tell them apart.
+
+    There is no turning there: it would be one of JOINED of how far v goes on the panel, and w would meet its border again at
+    once, in every interval of a decay.
+    """
     end, following = knots[1:-1:2], knots[2::2]
-    knots[1:-1:2] = np.where(np.abs(end - following) <= 1e-12 * np.abs(following), following, end)
+    close = 1e-12 * np.abs(following) + JOINED * span[:-1]
+    knots[1:-1:2] = np.where(np.abs(end - following) <= close, following, end)
     return knots
 
 

@@ -21,6 +21,7 @@ from whid.system import System
 Watch = Callable[[int, float], None]  # iteration, χ² per sample in units of the noise assumed
 ROUNDS = 8  # of noise model and fit
 CLOSE = 1e-3  # standard errors: the fit is finished
+NEAR = 0.1  # the same where derivatives are those of a near model, which know no better
 IDLE_GAIN = 1e-2  # of χ²: steps that gain less, a tenth of a standard error at most, or cannot be made to, end it as well
 
 
@@ -72,6 +73,7 @@ def refine(
         data = tuple(part for d in data for part in averaged(d, system.tree))
     problem, gauge = gauged(FreeNumbers(system.tree, tuple(fixed), tuple(map(tuple, tied))), data, path, rates)
     theta = problem.start
+    close = CLOSE if rates in ("", path) else NEAR
     several = len({d.record.name for d in data}) > 1
     learn = std is None and (several or noise == "ar" or robust)
     if std is None and several:
@@ -80,8 +82,8 @@ def refine(
         samples = sum(d.samples for d in data)
         fit = minimise(
             problem.cost, problem.linearise, _started(problem, theta), known=std is not None,
-            max_iterations=max_iterations, tolerance=CLOSE, idle_gain=IDLE_GAIN, floor=problem.rounding,
-            watch=_told(watch, samples),
+            max_iterations=max_iterations, tolerance=close, idle_gain=IDLE_GAIN,
+            floor=problem.rounding, watch=_told(watch, samples),
         )  # fmt: skip
         moved = np.abs(fit.values - theta) / np.where(np.isfinite(fit.std) & (fit.std > 0), fit.std, np.inf)
         theta = fit.values
