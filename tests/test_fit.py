@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from whid.fit import Parameter, Triangle, _gain, least_squares, linear_least_squares, minimise
+from whid.fit import Parameter, Triangle, _Directions, least_squares, linear_least_squares, minimise
 
 MISRA1A = np.array(
     [
@@ -162,7 +162,7 @@ def test_a_decrement_is_what_is_left_to_the_minimum():
     design, data = rng.standard_normal((30, 3)), rng.standard_normal(30)
     best = linear_least_squares(design, data, np.ones(30))
     theta = best.values + rng.standard_normal(3) * best.std
-    gain = _gain(Triangle.of(design, design @ theta - data))
+    gain = _Directions.of(Triangle.of(design, design @ theta - data)).gain
     assert gain == pytest.approx(np.sum((design @ theta - data) ** 2) - best.chi2, rel=1e-9)
     assert np.all(np.abs(theta - best.values) <= np.sqrt(gain) * best.std)
 

@@ -17,6 +17,7 @@ from whid.quantity import Quantity
 Floats = NDArray[np.float64]
 RANK = 1e-10  # of the largest singular value, columns of unit length: what is below counts as zero
 GRAM = 1e-13  # the same of a matrix of products, whose numbers are squares
+DAMPING, NEAR = 1e-3, 1e-7  # of the first step from any start, and from one that another fit to the same data left
 SETTLED = 1e-2  # of χ², in units of the noise: a decrement below, a tenth of a standard error at most, is a minimum
 IDLE = 4  # steps in a row that gain next to nothing: a cost with edges never meets its own prediction
 WhyStop = Literal["converged", "small step", "no decrease", "iteration limit", "interrupted", "linear", "not fitted"]
@@ -115,15 +116,16 @@ def least_squares(
     *,
     max_iterations: int = 100,
     tolerance: float = 1e-8,
+    damping: float = DAMPING,
     watch: Callable[[int, float, Floats], None] | None = None,
 ) -> Estimate:
     """Minimise Σ wᵢ² rᵢ(θ)² within bounds, by Levenberg-Marquardt [Nielsen 1999, Damping parameter in Marquardt's method].
 
     residual(θ) → (m,), tangent(θ) → (m, p) = ∂r/∂θ, weights (m,) = 1/σ (None: σ unknown). Complex data: stack real and
-    imaginary parts. `watch(iteration, χ², θ)` is called at every accepted step. Ctrl-C ends a fit that is watched with the
-    best so far and "interrupted"; one that nobody watches is a step of something larger, which it ends as well. Converged:
-    the next undamped step is shorter than `tolerance` standard errors, or would change χ² by less than rounding does; it is
-    taken and the fit ends.
+    imaginary parts. damping: of the first step, less where the start is known to be near. `watch(iteration, χ², θ)` is
+    called at every accepted step. Ctrl-C ends a fit that is watched with the best so far and "interrupted"; one that nobody
+    watches is a step of something larger, which it ends as well. Converged: the next undamped step is shorter than
+    `tolerance` standard errors, or would change χ² by less than rounding does; it is taken and the fit ends.
 
     >>> t = np.arange(5.0)
     >>> fit = least_squares(lambda p: np.exp(-p[0] * t) - np.exp(-0.3 * t), lambda p: (-t * np.exp(-p[0] * t))[:, None],
@@ -142,7 +144,7 @@ def least_squares(
 
     found = minimise(
         cost, linearise, parameters, known=weights is not None, max_iterations=max_iterations, tolerance=tolerance,
-        watch=watch,
+        damping=damping, watch=watch,
     )  # fmt: skip
     if found.why_stop == "interrupted" and watch is None:
         raise KeyboardInterrupt
@@ -176,7 +178,8 @@ class Triangle(NamedTuple):
             reduced = _triangle(part)
             both = _triangle(np.vstack([both, reduced])) if both.size else reduced
         p = max(both.shape[1] - 1, 0)
-        both = np.pad(both, ((0, max(0, p + 1 - len(both))), (0, 0)))
+        if len(both) < p + 1:
+            both = np.pad(both, ((0, p + 1 - len(both)), (0, 0)))
         return cls(both[:p, :p], both[:p, p], float(both[p:, p] @ both[p:, p]), samples)
 
     def columns(self, keep: NDArray[np.bool_]) -> Triangle:
@@ -222,6 +225,7 @@ def minimise(
     known: bool = True,
     max_iterations: int = 100,
     tolerance: float = 1e-8,
+    damping: float = DAMPING,
     idle_gain: float = 0.0,
     floor: float = 0.0,
     watch: Callable[[int, float, Floats], None] | None = None,
@@ -238,38 +242,33 @@ def minimise(
     """
     lower, upper = (np.array([getattr(p, side) for p in parameters], float) for side in ("lower", "upper"))
 
-    def active(here: Triangle, theta: Floats) -> tuple[NDArray[np.bool_], Triangle]:
+    def active(here: Triangle, theta: Floats) -> tuple[NDArray[np.bool_], _Directions]:
         """Return which numbers may move, those at a bound that the slope presses on held, and the problem of these."""
         slope = here.r.T @ here.projected
         free = ~(((theta <= lower) & (slope > 0)) | ((theta >= upper) & (slope < 0)))
-        return free, here.columns(free)
+        return free, _Directions.of(here.columns(free))
 
     def noise(here: Triangle) -> float:
         return 1.0 if known else here.chi2 / max(here.samples - len(parameters), 1)
 
     def ended(here: Triangle, theta: Floats) -> WhyStop:
-        return "converged" if _gain(active(here, theta)[1]) < SETTLED * noise(here) else "small step"
+        return "converged" if active(here, theta)[1].gain < SETTLED * noise(here) else "small step"
 
     theta = np.clip(np.array([p.value for p in parameters], float), lower, upper)
     here = linearise(theta)
+    free, moving = active(here, theta)
     why: WhyStop = "iteration limit"
-    mu, nu, shrink, iteration, idle = 1e-3, 2.0, 1 / 3, 0, 0
+    mu, nu, shrink, iteration, idle = damping, 2.0, 1 / 3, 0, 0
     try:
         for iteration in range(1, max_iterations + 1):
-            free, moving = active(here, theta)
-            scale = np.linalg.norm(moving.r, axis=0)
-            scale[scale == 0] = 1.0
-            step = np.zeros_like(theta)
-            variance, gain = noise(here), _gain(moving)
+            step, variance, gain = np.zeros_like(theta), noise(here), moving.gain
             if gain <= max(tolerance**2 * variance, 1e-13 * here.chi2, floor):
-                step[free] = _solve(moving.r / scale, -moving.projected)[0] / scale
+                step[free] = moving.step()
                 trial, why = np.clip(theta + step, lower, upper), "converged"
                 with np.errstate(all="ignore"):
                     theta = trial if cost(trial) <= here.chi2 * (1 + 1e-12) + floor else theta  # it may leave what can be
                 break
-            stacked = np.concatenate([moving.r / scale, np.sqrt(mu) * np.eye(len(scale))])
-            target = np.concatenate([-moving.projected, np.zeros(len(scale))])
-            step[free] = np.linalg.lstsq(stacked, target, rcond=None)[0] / scale
+            step[free] = moving.step(mu)
             trial = np.clip(theta + step, lower, upper)
             if np.all(np.abs(trial - theta) <= 1e-15 * (np.abs(theta) + 1e-15)):
                 why = ended(here, theta)
@@ -284,6 +283,7 @@ def minimise(
                 nu, shrink = 2.0, max(shrink / 3, 1 / 27)  # one good step after another: bolder, as Nielsen is the other way
                 idle = idle + 1 if here.chi2 - reached < idle_gain * variance else 0
                 theta, here = trial, linearise(trial)
+                free, moving = active(here, theta)
                 if watch is not None:
                     watch(iteration, here.chi2, theta)
                 if idle == IDLE:
@@ -305,33 +305,46 @@ def minimise(
     return _estimate(names, theta, covariance, rank, null, here.chi2, here.samples, not known, iteration, why)
 
 
-def _gain(problem: Triangle) -> float:
-    """Return what an undamped step would still take from χ²: the part of Qᵀr that the columns reach, whatever their rank."""
-    scale = np.linalg.norm(problem.r, axis=0)
-    u, s, _ = np.linalg.svd(problem.r / np.where(scale == 0, 1.0, scale))
-    within = u[:, s > RANK * s.max(initial=0.0)].T @ problem.projected
-    return float(within @ within)
+class _Directions(NamedTuple):
+    """A linearised problem along the directions of its scaled columns: one decomposition, whatever the damping."""
+
+    scale: Floats  # (p,)
+    size: Floats  # (p,) singular values
+    vt: Floats  # (p, p)
+    against: Floats  # (p,) −Uᵀr
+    kept: NDArray[np.bool_]  # what the columns reach
+
+    @classmethod
+    def of(cls, problem: Triangle) -> _Directions:
+        scale = np.sqrt(np.einsum("ij,ij->j", problem.r, problem.r))
+        scale[scale == 0] = 1.0
+        u, size, vt = np.linalg.svd(problem.r / scale)
+        return cls(scale, size, vt, -(problem.projected @ u), size > RANK * size.max(initial=0.0))
+
+    @property
+    def gain(self) -> float:
+        """Return what an undamped step would still take from χ²: the part of Qᵀr that the columns reach."""
+        within = self.against[self.kept]
+        return float(within @ within)
+
+    def step(self, mu: float = 0.0) -> Floats:
+        """Return the shortest step to the least of χ² + mu·|scaled step|²."""
+        along = np.divide(self.size, self.size**2 + mu, out=np.zeros_like(self.size), where=self.kept)
+        return np.asarray((along * self.against) @ self.vt / self.scale)
 
 
 def _solve(a: Floats, b: Floats) -> tuple[Floats, Floats, int, Floats]:
     """Return the minimum-norm solution, its covariance, the rank and the null directions, in scaled columns."""
-    scale = np.linalg.norm(a, axis=0)
+    scale = np.sqrt(np.einsum("ij,ij->j", a, a))
     scale[scale == 0] = 1.0
-    if a.shape[0] > 2 * a.shape[1]:
-        q, triangle = np.linalg.qr(a / scale)
-        u, s, vt = np.linalg.svd(triangle)
-        u = q @ u
-    else:
-        u, s, vt = np.linalg.svd(a / scale, full_matrices=True)
-        s = np.concatenate([s, np.zeros(a.shape[1] - len(s))])
-        u = u[:, : a.shape[1]] if u.shape[1] >= a.shape[1] else np.pad(u, ((0, 0), (0, a.shape[1] - u.shape[1])))
-    kept = s > RANK * s.max(initial=0.0)
-    inverse = vt[kept].T / s[kept]
-    values = inverse @ (u[:, kept].T @ b) / scale
+    u, s, vt = np.linalg.svd(a / scale, full_matrices=len(a) < a.shape[1])
+    rank = int((s > RANK * s.max(initial=0.0)).sum())
+    inverse = vt[:rank].T / s[:rank]
+    values = inverse @ (u[:, :rank].T @ b) / scale
     covariance = inverse @ inverse.T / np.outer(scale, scale)
-    null = vt[~kept] / scale
+    null = vt[rank:] / scale
     null /= np.linalg.norm(null, axis=1, keepdims=True)
-    return values, covariance, int(kept.sum()), null
+    return values, covariance, rank, null
 
 
 def _estimate(

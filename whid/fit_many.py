@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 RIDGE = 1e-13  # of a scaled matrix of products: below, columns count as dependent
-GAIN = 1e-10  # χ² that an undamped step would still take: less is the minimum
+GAIN = 1e-6  # χ² that an undamped step would still take, a thousandth of a standard error: less is the minimum
 ROUNDING = 1e-13  # of χ²: the same, where χ² is large
-MISFIT, SLOW, IDLE = 3.0, 0.01, 8  # χ² a residual; of χ² a step; steps: a start that creeps far from the data is given up
+MISFIT = 3.0  # χ² a residual: beyond, a start is far from the data
+CREEPS = 0.01, 8  # of χ² a step, steps: a start that gains less, that often in a row, far from the data, is given up
+LATE = 0.5, 2  # the same once another start has come to a minimum that is near them
 
 
 class Descents(NamedTuple):
@@ -61,7 +63,7 @@ def _descents(
     ends = Descents(theta.copy(), np.full(len(theta), np.inf), np.zeros(len(theta), bool))
     at = _Linear.of(*linearised(theta))
     under_way = np.arange(len(theta))
-    far, idle = MISFIT * at.residuals, np.zeros(len(theta), int)
+    far, idle, (slow, patience) = MISFIT * at.residuals, np.zeros(len(theta), int), CREEPS
     mu, nu, shrink = np.full(len(theta), 1e-3), np.full(len(theta), 2.0), np.full(len(theta), 1 / 3)
     for _ in range(most):
         held = ~moving | ((theta <= lower) & (at.slope > 0))
@@ -73,7 +75,7 @@ def _descents(
         new = _Linear.of(*linearised(trial))
         better = new.chi2 < at.chi2  # NaN is not
         predicted = -np.einsum("bi,bi->b", moved, 2 * at.slope + np.einsum("bij,bj->bi", at.products, moved))
-        creeps = (at.chi2 > far) & ~(new.chi2 < (1 - SLOW) * at.chi2)
+        creeps = (at.chi2 > far) & ~(new.chi2 < (1 - slow) * at.chi2)
         idle = np.where(creeps, idle + 1, 0)
         ratio = np.where(predicted > 0, (at.chi2 - new.chi2) / predicted, 1.0)
         mu = np.where(better, mu * np.maximum(shrink, 1 - (2 * ratio - 1) ** 3), mu * nu)
@@ -81,8 +83,9 @@ def _descents(
         nu = np.where(better, 2.0, 2 * nu)
         theta = np.where(better[:, None], trial, theta)
         at = at.where(better, new)
-        over = there | still | (mu > 1e12) | (idle == IDLE)
+        over = there | still | (mu > 1e12) | (idle >= patience)
         if over.any():
+            slow, patience = LATE if (there & (at.chi2 <= far)).any() else (slow, patience)
             ends.theta[under_way[over]], ends.chi2[under_way[over]] = theta[over], at.chi2[over]
             ends.converged[under_way[over]] = there[over]
             on = ~over

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from whid.fit import Estimate, Parameter, least_squares
+from whid.fit import DAMPING, Estimate, Parameter, least_squares
 from whid.fit_many import Descents, descents
 from whid.stages._inner_harmonics import inner_harmonics
 from whid.stages._responses import Complexes, Floats, Responses, StaticPart
@@ -29,7 +29,8 @@ class Response(Protocol):
         """Return G (…, F) and ∂ log G/∂θ (…, F, p) of θ (…, p)."""
 
 
-class FreeResponse(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FreeResponse:
     """Nonparametric: log gain and phase at every frequency."""
 
     omega: Floats
@@ -38,21 +39,24 @@ class FreeResponse(NamedTuple):
 
     def parameters(self) -> list[Parameter]:
         """Return log gains, then phases."""
-        gains = [
-            Parameter(f"{self.block}.log_gain({w:.6g})", np.log(abs(g))) for w, g in zip(self.omega, self.start, strict=True)
-        ]
-        return gains + [
-            Parameter(f"{self.block}.phase({w:.6g})", float(np.angle(g)), "rad")
-            for w, g in zip(self.omega, self.start, strict=True)
+        gains, phases = np.log(np.abs(self.start)).tolist(), np.angle(self.start).tolist()
+        return [
+            *(Parameter(f"{self.block}.log_gain({w:.6g})", g) for w, g in zip(self.omega, gains, strict=True)),
+            *(Parameter(f"{self.block}.phase({w:.6g})", p, "rad") for w, p in zip(self.omega, phases, strict=True)),
         ]
 
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
         """Return exp(log gain + j·phase)."""
         n = len(self.omega)
-        return np.exp(theta[..., :n] + 1j * theta[..., n:]), np.hstack([np.eye(n), 1j * np.eye(n)]).astype(complex)
+        return np.exp(theta[..., :n] + 1j * theta[..., n:]), self._slopes
+
+    @cached_property
+    def _slopes(self) -> Complexes:
+        return np.kron([1.0, 1j], np.eye(len(self.omega)))
 
 
-class RationalResponse(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class RationalResponse:
     """(1 + b₁p + … + b_m p^m)/(1 + a₁p + … + a_n p^n) with p = jω/reference; numbers without unit."""
 
     omega: Floats
@@ -68,20 +72,29 @@ class RationalResponse(NamedTuple):
 
     def __call__(self, theta: Floats) -> tuple[Complexes, Complexes]:
         """Return the response and its logarithmic derivatives."""
-        m, n = len(self.numerator), len(self.denominator)
-        powers = (1j * self.omega / self.reference)[:, None] ** np.arange(1, max(m, n) + 1)
-        top, bottom = 1 + theta[..., :m] @ powers[:, :m].T, 1 + theta[..., m:] @ powers[:, :n].T
-        slopes = np.empty((*top.shape, m + n), complex)
-        slopes[..., :m], slopes[..., m:] = powers[:, :m] / top[..., None], -powers[:, :n] / bottom[..., None]
+        m, (above, below) = len(self.numerator), self._powers
+        top, bottom = 1 + theta[..., :m] @ above.T, 1 + theta[..., m:] @ below.T
+        slopes = np.empty((*top.shape, theta.shape[-1]), complex)
+        slopes[..., :m], slopes[..., m:] = above / top[..., None], -below / bottom[..., None]
         return top / bottom, slopes
+
+    @cached_property
+    def _powers(self) -> tuple[Complexes, Complexes]:
+        """P … p^m and p … p^n, a row a frequency."""
+        p = (1j * self.omega / self.reference)[:, None]
+        return p ** np.arange(1, len(self.numerator) + 1), p ** np.arange(1, len(self.denominator) + 1)
 
 
 class _At(NamedTuple):
-    """Where each of the D data stands in the arrays of inner harmonics, flattened."""
+    """Where each of the D data stands in the arrays of inner harmonics, and each parameter of f in its own, flattened."""
 
     sine: Ints
     order: Ints
+    turns: Complexes  # (D,) j·order
+    turning: NDArray[np.bool_]  # (D,) has an imaginary part: all but the means
+    turned: Ints  # which these are
     highest: int
+    place: Ints  # (coefficients,) in (piece, power)
     datum: Ints  # (D,) in (sine, harmonic)
     coefficient: Ints  # (D, coefficients) in (sine, harmonic, piece, power)
 
@@ -109,7 +122,7 @@ class ChainFit:
         f += [Parameter(f"f.breaks.{k}", float(s.breaks[k]), "input") for k in self._free]
         return f + self.front.parameters() + self.back.parameters()
 
-    def solve(self, max_iterations: int = 60, start: Floats | None = None) -> Estimate:
+    def solve(self, max_iterations: int = 60, start: Floats | None = None, damping: float = DAMPING) -> Estimate:
         """Fit everything at once, from all parameters as given or as declared; the weights are the measured errors."""
         cache: dict[bytes, tuple[Floats, Floats]] = {}
 
@@ -125,7 +138,7 @@ class ChainFit:
             full = [p._replace(value=float(x)) for p, x in zip(full, start, strict=True)]
         found = least_squares(
             lambda free: evaluated(free)[0], lambda free: evaluated(free)[1], [full[k] for k in self._independent],
-            np.ones(1), max_iterations=max_iterations, tolerance=STEP,
+            np.ones(1), max_iterations=max_iterations, tolerance=STEP, damping=damping,
         )  # fmt: skip
         return self._whole(found)
 
@@ -179,39 +192,44 @@ class ChainFit:
 
         θ (…, P) of all parameters; residual (…, m), tangent (…, m, P).
         """
-        r, s, at, turning = self.responses, self.static, self._at, self._turning
+        r, s, at = self.responses, self.static, self._at
         of_f, of_breaks, of_front, of_back = self._slices
-        batch, n, m = theta.shape[:-1], len(s.level), len(turning)
-        coefficients, breaks = np.zeros((*batch, *s.coefficients.shape)), np.empty((*batch, len(s.breaks)))
-        coefficients[..., self._places[0], self._places[1]] = theta[..., of_f]
-        breaks[...] = s.breaks
-        breaks[..., list(self._free)] = theta[..., of_breaks]
+        batch, n, m = theta.shape[:-1], len(s.level), len(at.turning)
+        coefficients = np.zeros((*batch, s.coefficients.size))
+        coefficients[..., at.place] = theta[..., of_f]
+        breaks = s.breaks
+        if self._free:
+            breaks = np.broadcast_to(s.breaks, (*batch, len(s.breaks))).copy()
+            breaks[..., list(self._free)] = theta[..., of_breaks]
         front, d_front = self.front(theta[..., of_front])
         back, d_back = self.back(theta[..., of_back])
         x = r.phasor * front.take(self._front_place, axis=-1)
         size = np.abs(x)
-        inner = inner_harmonics(breaks, coefficients, r.offset, size, at.highest)
+        inner = inner_harmonics(breaks, coefficients.reshape(*batch, *s.coefficients.shape), r.offset, size, at.highest)
         turn = (x / size).take(at.sine, axis=-1) ** at.order
-        beyond = np.where(turning, back.take(self._back_place, axis=-1), 1.0) * turn
+        beyond = np.where(at.turning, back.take(self._back_place, axis=-1), 1.0) * turn
         value = inner.value.reshape(*batch, -1).take(at.datum, axis=-1)
-        stretched = size.take(at.sine, axis=-1) * inner.by_amplitude.reshape(*batch, -1).take(at.datum, axis=-1)
+        stretched = (size[..., None] * inner.by_amplitude).reshape(*batch, -1).take(at.datum, axis=-1)
         model = value * beyond
         of_data = np.empty((*batch, m, len(self._spread)), complex)
-        of_data[..., of_f] = beyond[..., None] * inner.by_coefficient.reshape(*batch, -1).take(at.coefficient, axis=-1)
+        by_coefficient = inner.by_coefficient.reshape(*batch, -1).take(at.coefficient, axis=-1)
+        np.multiply(beyond[..., None], by_coefficient, out=of_data[..., of_f])
         if self._free:
             by_break = inner.by_break.reshape(*batch, -1, len(s.breaks)).take(at.datum, axis=-2)
             of_data[..., of_breaks] = beyond[..., None] * by_break.take(self._free, axis=-1)
         zeta = d_front.take(self._front_place[at.sine], axis=-2)
         of_front_data = of_data[..., of_front]
         np.multiply((beyond * stretched)[..., None], zeta.real, out=of_front_data)
-        of_front_data += (1j * at.order * model)[..., None] * zeta.imag
-        of_data[..., of_back] = np.where(turning, model, 0.0)[..., None] * d_back.take(self._back_place, axis=-2)
-        tangent = np.zeros((*batch, n + m + int(turning.sum()), len(self._spread)))
+        of_front_data += (at.turns * model)[..., None] * zeta.imag
+        np.multiply((at.turning * model)[..., None], d_back.take(self._back_place, axis=-2), out=of_data[..., of_back])
+        tangent = np.zeros((*batch, n + m + len(at.turned), len(self._spread)))
         tangent[..., :n, of_f] = self._level_rows(breaks)
-        tangent[..., n : n + m, :], tangent[..., n + m :, :] = of_data.real, of_data.imag[..., turning, :]
+        tangent[..., n : n + m, :], tangent[..., n + m :, :] = of_data.real, of_data.imag.take(at.turned, axis=-2)
+        residual = np.empty(tangent.shape[:-1])
         gap = model - self._measured
-        levels = (tangent[..., :n, of_f] @ theta[..., of_f, None])[..., 0] - s.mean
-        return np.concatenate([levels, gap.real, gap.imag[..., turning]], axis=-1), tangent
+        residual[..., :n] = (tangent[..., :n, of_f] @ theta[..., of_f, None])[..., 0] - s.mean
+        residual[..., n : n + m], residual[..., n + m :] = gap.real, gap.imag.take(at.turned, axis=-1)
+        return residual, tangent
 
     def _level_rows(self, breaks: Floats) -> Floats:
         """Return f at the levels, by its coefficients, (…, L, coefficients)."""
@@ -236,14 +254,16 @@ class ChainFit:
     def _at(self) -> _At:
         e, k = self._present
         highest, (pieces, size) = int(k.max()), self.static.coefficients.shape
-        datum = e * (highest + 1) + k
-        piece, power = self._places
-        return _At(e, k, highest, datum, (datum[:, None] * pieces + piece) * size + power)
+        datum, place = e * (highest + 1) + k, self._places[0] * size + self._places[1]
+        turning = k > 0
+        return _At(
+            e, k, 1j * k, turning, np.flatnonzero(turning), highest, place, datum, datum[:, None] * (pieces * size) + place
+        )  # fmt: skip
 
     @cached_property
     def _weights(self) -> Floats:
         std = self.responses.value_std[self._present]
-        return np.asarray(1 / np.concatenate([self.static.mean_std, std, std[self._turning]]))
+        return np.asarray(1 / np.concatenate([self.static.mean_std, std, std[self._at.turning]]))
 
     @cached_property
     def _places(self) -> tuple[Ints, Ints]:
@@ -279,11 +299,6 @@ class ChainFit:
         """(sine, harmonic) of every datum."""
         pairs = np.array([(e, k) for e, ks in enumerate(self.responses.orders) for k in ks])
         return pairs[:, 0], pairs[:, 1]
-
-    @cached_property
-    def _turning(self) -> NDArray[np.bool_]:
-        """Which data have an imaginary part: all but the means."""
-        return np.asarray(self._present[1] > 0)
 
     @cached_property
     def _front_place(self) -> Ints:

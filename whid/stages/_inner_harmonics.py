@@ -27,6 +27,13 @@ def _nodes(count: int) -> tuple[Floats, Floats]:
     return (x + 1) / 2, w / 2
 
 
+@lru_cache
+def _factor(highest: int) -> tuple[NDArray[np.intp], Floats]:
+    """Return k = 0 … highest and what stands before the integral of A_k."""
+    k = np.arange(highest + 1)
+    return k, np.where(k == 0, 1.0, 2.0) / np.pi
+
+
 def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplitude: Floats, highest: int) -> InnerHarmonics:
     """Return A_k = (2/π) ∫₀^π f(offset + amplitude·cos θ) cos kθ dθ (half of it for k = 0), k = 0 … highest.
 
@@ -40,24 +47,21 @@ def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplit
     >>> inner_harmonics(np.empty(0), square, np.array([2.0]), np.array([1.0]), 2).value.round(12)  # (2 + cos θ)²
     array([[4.5, 4. , 0.5]])
     """
-    k, (pieces, size) = np.arange(highest + 1), coefficients.shape[-2:]
-    factor = np.where(k == 0, 1.0, 2.0) / np.pi
-    x, w = _nodes(14 + (highest + size) * 3 // 2)
-    edges = np.array([[0.0, np.pi]])  # one piece: the same arc for all
+    pieces, size = coefficients.shape[-2:]
     if pieces > 1:
-        level = (breaks[..., None, ::-1] - offset[:, None]) / amplitude[..., None]
         edges = np.zeros((*amplitude.shape, pieces + 1))
+        level = (breaks[..., None, ::-1] - offset[:, None]) / amplitude[..., None]
         edges[..., 1:-1], edges[..., -1] = np.arccos(np.clip(level, -1, 1)), np.pi
-    width = np.diff(edges)[..., None]
-    cos = np.cos(edges[..., :-1, None] + width * x)  # (…, E, S + 1, nodes), pieces from the last to the first
+        cos, cosines = _arcs(edges, highest, size)
+    else:
+        cos, cosines = _whole(highest, size)
     powers = _powers(offset[:, None, None] + amplitude[..., None, None] * cos, size)
     own = coefficients[..., None, ::-1, :]
     slope = powers[..., :-1] @ (own[..., 1:] * np.arange(1, size))[..., None]
-    cosines = _cosines(cos, highest) * (width * w)[..., None, :]  # (…, E, S + 1, K + 1, nodes)
-    by_coefficient = (cosines @ powers) * factor[:, None]
+    by_coefficient = cosines @ powers
     value = (by_coefficient @ own[..., None])[..., 0].sum(axis=-2)
-    by_amplitude = (cosines @ (slope * cos[..., None]))[..., 0].sum(axis=-2) * factor
-    by_break = np.zeros((*value.shape, pieces - 1))
+    by_amplitude = (cosines @ (slope * cos[..., None]))[..., 0].sum(axis=-2)
+    by_break, (k, factor) = np.zeros((*value.shape, pieces - 1)), _factor(highest)
     for j in range(pieces - 1):
         b, apart = breaks[..., j, None], coefficients[..., j + 1, :] - coefficients[..., j, :]
         jump = (_powers(b, size) * apart[..., None, :]).sum(axis=-1)
@@ -69,6 +73,23 @@ def inner_harmonics(breaks: Floats, coefficients: Floats, offset: Floats, amplit
         by_break[..., j] = -moved
         by_amplitude += moved * ratio[..., None]
     return InnerHarmonics(value, by_amplitude, np.swapaxes(by_coefficient, -3, -2)[..., ::-1, :], by_break)
+
+
+def _arcs(edges: Floats, highest: int, size: int) -> tuple[Floats, Floats]:
+    """Return cos θ at the nodes of every arc between edges (…, A + 1), (…, A, nodes), and the weights of ∫ · cos kθ dθ.
+
+    Weights (…, A, K + 1, nodes), those of A_k: with its factor.
+    """
+    x, w = _nodes(14 + (highest + size) * 3 // 2)
+    width = np.diff(edges)[..., None]
+    cos = np.cos(edges[..., :-1, None] + width * x)
+    return cos, _cosines(cos, highest) * (width * w)[..., None, :] * _factor(highest)[1][:, None]
+
+
+@lru_cache
+def _whole(highest: int, size: int) -> tuple[Floats, Floats]:
+    """Return the same of one piece, whose arc is the same for all sines."""
+    return _arcs(np.array([[0.0, np.pi]]), highest, size)
 
 
 def _powers(v: Floats, count: int) -> Floats:

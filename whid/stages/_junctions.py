@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import NDArray
 
-from whid.fit import Estimate, Parameter, least_squares, linear_least_squares
+from whid.fit import NEAR, Estimate, Parameter, least_squares, linear_least_squares
 from whid.signal import Floats
 
 
@@ -108,7 +108,7 @@ def _powers(z: Floats, degree: int) -> Floats:
 def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
     """Fit all coefficients and kinks at once; a kink's right piece has no constant of its own."""
     kinks = np.flatnonzero(~layout.jump)
-    free = np.setdiff1d(np.arange(layout.offsets[-1]), layout.offsets[kinks + 1])
+    free = np.delete(np.arange(layout.offsets[-1]), layout.offsets[kinks + 1])
     start = linear_least_squares(layout.design(layout.knots), layout.mean, layout.weight)
     low, high = _reach(layout)
     parameters = [Parameter(str(k), float(start.values[k])) for k in free]
@@ -133,7 +133,7 @@ def joint(layout: Layout, iterations: int = 100) -> tuple[Estimate, Layout]:
 
     found = least_squares(
         lambda theta: linearised(theta)[0], lambda theta: linearised(theta)[1], parameters, layout.weight,
-        max_iterations=iterations,
+        max_iterations=iterations, damping=NEAR,
     )  # fmt: skip
     knots = unpacked(found.values)
     cuts = layout.cuts.copy()

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whid.fit import Estimate
+from whid.fit import NEAR, Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.stages._chain_fit import ChainFit, FreeResponse, frequencies
 from whid.stages._responses import Responses, StaticPart, response_metrics
@@ -72,7 +72,7 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
         responses, _started(static, gauge.estimate),
         FreeResponse(omegas[0], front, "front"), FreeResponse(omegas[1], back, "back"), free_breaks,
     )  # fmt: skip
-    estimate = problem.solve()
+    estimate = problem.solve(damping=NEAR)
     n, m = map(len, omegas)
     skip = len(estimate.names) - 2 * (n + m)
     place = skip + np.r_[n : 2 * n, 2 * n + m : 2 * (n + m)]  # the phases

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,7 @@ def more_levels(pieces: Segmentation, level: Floats, std: float, max_degree: int
     return MoreLevels(added, np.sqrt(np.maximum(np.diag(then), 0.0)))
 
 
+@lru_cache
 def lobatto(count: int) -> Floats:
     """Return the `count` Gauss-Lobatto nodes on [−1, 1], both ends among them.
 

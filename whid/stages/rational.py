@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whid.errors import WhidError
-from whid.fit import Estimate
+from whid.fit import NEAR, Estimate
 from whid.quantity import Measured, Quantity, Table
 from whid.stages._chain_fit import ChainFit, RationalResponse, frequencies
 from whid.stages._responses import Responses, StaticPart, response_metrics
@@ -259,7 +259,7 @@ class _Search:
     def finished(self, fitted: _Fitted) -> tuple[ChainFit, Estimate]:
         """Fit once more from where a start ended, to the very minimum."""
         problem = self.problem(fitted.coefficients)
-        return problem, problem.solve(10 * QUICK, fitted.theta)
+        return problem, problem.solve(10 * QUICK, fitted.theta, NEAR)
 
 
 def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:
