@@ -65,16 +65,17 @@ def _descents(
     under_way = np.arange(len(theta))
     far, idle, (slow, patience) = MISFIT * at.residuals, np.zeros(len(theta), int), CREEPS
     mu, nu, shrink = np.full(len(theta), 1e-3), np.full(len(theta), 2.0), np.full(len(theta), 1 / 3)
+    lower = np.where(moving, lower, -np.inf)
     for _ in range(most):
         held = ~moving | ((theta <= lower) & (at.slope > 0))
         plain, damped, gain = at.steps(held, mu)
         there = gain <= np.maximum(GAIN, ROUNDING * at.chi2)
-        trial = np.maximum(theta + np.where(there[:, None], plain, damped), np.where(moving, lower, -np.inf))
+        trial = np.maximum(theta + np.where(there[:, None], plain, damped), lower)
         moved = trial - theta
-        still = np.all(np.abs(moved) <= 1e-15 * (np.abs(theta) + 1e-15), axis=1)
+        still = (np.abs(moved) <= 1e-15 * np.abs(theta) + 1e-30).all(axis=1)
         new = _Linear.of(*linearised(trial))
         better = new.chi2 < at.chi2  # NaN is not
-        predicted = -np.einsum("bi,bi->b", moved, 2 * at.slope + np.einsum("bij,bj->bi", at.products, moved))
+        predicted = -np.einsum("bi,bi->b", moved, 2 * at.slope + (at.products @ moved[..., None])[..., 0])
         creeps = (at.chi2 > far) & ~(new.chi2 < (1 - slow) * at.chi2)
         idle = np.where(creeps, idle + 1, 0)
         ratio = np.where(predicted > 0, (at.chi2 - new.chi2) / predicted, 1.0)
@@ -89,8 +90,8 @@ def _descents(
             ends.theta[under_way[over]], ends.chi2[under_way[over]] = theta[over], at.chi2[over]
             ends.converged[under_way[over]] = there[over]
             on = ~over
-            kept = (under_way, theta, moving, idle, mu, nu, shrink)
-            under_way, theta, moving, idle, mu, nu, shrink = (x[on] for x in kept)
+            kept = (under_way, theta, moving, lower, idle, mu, nu, shrink)
+            under_way, theta, moving, lower, idle, mu, nu, shrink = (x[on] for x in kept)
             at = at.those(on)
             if not len(under_way):
                 break
@@ -131,13 +132,15 @@ class _Linear(NamedTuple):
         """Return the undamped and the damped step, and what the first would take from χ²."""
         own = np.einsum("bii->bi", self.products)
         inverse = np.where(held | ~(own > 0), 0.0, 1 / np.sqrt(own))
-        scaled = self.products * inverse[:, :, None] * inverse[:, None, :]
+        both = np.empty((2, *self.products.shape))
+        np.multiply(self.products, inverse[:, :, None] * inverse[:, None, :], out=both[0])
         target = -self.slope * inverse
-        n = np.arange(scaled.shape[1])
-        scaled[:, n, n] = 1.0 + RIDGE
-        both = np.stack([scaled, scaled])
+        n = np.arange(both.shape[-1])
+        both[0][:, n, n] = 1.0 + RIDGE
+        both[1] = both[0]
         both[1][:, n, n] += mu[:, None]
-        finite = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)) & np.isfinite(target).all(axis=1), bool)
-        both[:, ~finite], target = np.eye(len(n)), np.where(finite[:, None], target, 0.0)
+        finite = np.isfinite(both.sum(axis=(0, 2, 3)) + target.sum(axis=1))
+        if not finite.all():
+            both[:, ~finite], target = np.eye(len(n)), np.where(finite[:, None], target, 0.0)
         found = np.linalg.solve(both, np.broadcast_to(target, (2, *target.shape))[..., None])[..., 0]
         return found[0] * inverse, found[1] * inverse, np.einsum("bi,bi->b", found[0], target)

@@ -39,7 +39,8 @@ def _fill(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, r
         return [], []
     where = ", ".join(f"{u:.4g}" for u in level)
     reason = f"too few levels to tell the degree of f about {where}"
-    plan = tuple(Hold(level=float(u), hold_s=_hold(records)) for u in level)
+    hold_s = _hold(records)
+    plan = tuple(Hold(level=float(u), hold_s=hold_s) for u in level)
     answer = yield Wanted(plan, reason, float(np.sqrt(np.mean(f_std**2))), "f at these levels, output")
     if answer is None:
         return [], [f"{reason}: no more were measured"]
@@ -51,7 +52,7 @@ def _fill(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, r
 
 def _bisect(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation, read: Read) -> Asking:
     """Halve the gaps of all borders at once, one level a border and round."""
-    span, std, hold_s = float(np.ptp(curve.level)), float(np.median(curve.mean_std)), _hold(records)
+    span, std = float(np.ptp(curve.level)), float(np.median(curve.mean_std))
     unclear = wide(pieces, span, std)
     gaps = pieces.borders.copy()
     count, sure = np.zeros(len(gaps), int), np.ones(len(gaps), bool)
@@ -62,6 +63,7 @@ def _bisect(records: Sequence[Record], curve: StaticCurve, pieces: Segmentation,
         where = ", ".join(f"{low:.6g} … {high:.6g}" for low, high in gaps[active])
         reason = f"f has a border somewhere in {where}: a level in the middle"
         predicted = float(np.diff(gaps[active], axis=1).max()) / 2 / np.sqrt(12)
+        hold_s = _hold(records)
         plan = tuple(Hold(level=float(u), hold_s=hold_s) for u in middle)
         answer = yield Wanted(plan, reason, predicted, "a border of f, input")
         if answer is None:

@@ -153,7 +153,7 @@ def fit_chain(
         static, responses = responses_of(sines, pieces, curve, left, gain)
         crossed = _crossed(static, responses, gain)
         fit = rational(static, responses, samples, orders, free_breaks=crossed, back=not is_affine(static))
-        amplified = np.maximum(gain, fit.front_gain[[nearest(fit.front_omega, s.omega) for s in sines]])
+        amplified = np.maximum(gain, fit.front_gain[nearest(fit.front_omega, responses.omega)])
         if all(
             pieces_under(pieces, s, a) == pieces_under(pieces, s, g) for s, a, g in zip(sines, amplified, gain, strict=True)
         ):

@@ -22,6 +22,10 @@ STEP = 1e-5  # standard errors: a step below ends a fit; large levels over small
 class Response(Protocol):
     """A parametrisation of a linear block of unit static gain, at fixed frequencies."""
 
+    @property
+    def omega(self) -> Floats:
+        """Return the frequencies."""
+
     def parameters(self) -> list[Parameter]:
         """Return the free numbers with their start values."""
 
@@ -281,12 +285,12 @@ class ChainFit:
     def _independent(self) -> Ints:
         """Parameters but for the constants that the kinks make."""
         made = [int(np.flatnonzero(self._places[0] == k + 1)[0]) for k in self.static.kinks]
-        return np.setdiff1d(np.arange(len(self.parameters())), made)
+        return np.delete(np.arange(self._slices[-1].stop), made)
 
     @cached_property
     def _spread(self) -> Floats:
         """Derivative of all parameters with respect to the independent ones, but for what kinks make."""
-        return np.eye(len(self.parameters()))[:, self._independent]
+        return np.eye(self._slices[-1].stop)[:, self._independent]
 
     @cached_property
     def _slices(self) -> tuple[slice, slice, slice, slice]:
@@ -302,16 +306,13 @@ class ChainFit:
 
     @cached_property
     def _front_place(self) -> Ints:
-        omegas = frequencies(self.responses)[0]
-        return np.array([nearest(omegas, w) for w in self.responses.omega])
+        return nearest(self.front.omega, self.responses.omega)
 
     @cached_property
     def _back_place(self) -> Ints:
         """Where each datum's kω stands among the frequencies of back; of the mean, whose gain is 1, anywhere."""
-        omegas = frequencies(self.responses)[1]
-        return np.array(
-            [nearest(omegas, k * self.responses.omega[e]) if k else 0 for e, k in zip(*self._present, strict=True)]
-        )
+        sine, order = self._present
+        return nearest(self.back.omega, order * self.responses.omega[sine])
 
 
 def frequencies(responses: Responses) -> tuple[Floats, Floats]:

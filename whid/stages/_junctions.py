@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -47,12 +47,18 @@ class Layout:
     def design(self, knots: Floats) -> Floats:
         """Return (M, coefficients): each level in the piece it lies in, a kink moving levels across as it moves."""
         ends = np.where(self.jump, (self.z[self.cuts - 1] + self.z[self.cuts]) / 2, knots)
-        piece = np.searchsorted(ends, self.z, side="right")
-        matrix = np.zeros((len(self.z), self.offsets[-1]))
-        for k, degree in enumerate(self.degrees):
-            inside = piece == k
-            matrix[inside, self.offsets[k] : self.offsets[k + 1]] = _powers(self.z[inside], degree)
-        return matrix
+        under = np.searchsorted(ends, self.z, side="right")
+        return np.where(under[:, None] == self.places[0], self._rows, 0.0)
+
+    @cached_property
+    def places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return piece and power of every coefficient in the long vector."""
+        piece = np.repeat(np.arange(len(self.degrees)), self.degrees + 1)
+        return piece, np.arange(len(piece)) - self.offsets[piece]
+
+    @cached_property
+    def _rows(self) -> Floats:
+        return np.asarray(self.z[:, None] ** self.places[1])
 
 
 def meet(layout: Layout, price: float) -> Layout:
@@ -161,12 +167,12 @@ def _continued(layout: Layout, free: NDArray[np.intp], values: Floats, knots: Fl
     change[free, np.arange(len(free))] = 1.0
     for column, k in enumerate(kinks, len(free)):
         left, middle, right = layout.offsets[k : k + 3]
-        row = -difference(knots[k : k + 1], middle - left, right - middle)[0]
+        piece, power = (each[left:right] for each in layout.places)
+        sign = np.where(piece == k, 1.0, -1.0)
+        row = sign * knots[k] ** power
         coefficients[middle] = row @ coefficients[left:right]
         change[middle] = row @ change[left:right]
-        power = np.concatenate([np.arange(middle - left), np.arange(right - middle)])
-        slopes = power * knots[k] ** np.maximum(power - 1, 0) * coefficients[left:right]
-        change[middle, column] += slopes[: middle - left].sum() - slopes[middle - left :].sum()
+        change[middle, column] += (sign * power * knots[k] ** np.maximum(power - 1, 0)) @ coefficients[left:right]
     return coefficients, change
 
 
@@ -200,6 +206,7 @@ def rescaled(layout: Layout, estimate: Estimate, middle: float, half: float) -> 
     return tuple(names), values, change @ estimate.covariance @ change.T
 
 
+@lru_cache
 def _expansion(size: int, shift: float, slope: float) -> Floats:
     """Return the matrix that turns coefficients in shift + slope·u into coefficients in u."""
     columns = [poly.polypow([shift, slope], power) for power in range(size)]

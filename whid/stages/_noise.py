@@ -6,6 +6,7 @@ One autoregression for all stretches (pooled), its order by BIC, the bias of rem
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -100,17 +101,13 @@ def quantisation_variance(std: Floats, quantum: float) -> Floats:
 
 def _trends(holds: Sequence[Floats], degree: int) -> list[Floats]:
     """Return an orthonormal basis (n, q) of the polynomials on each hold; complete holds of one length share theirs."""
-    shared: dict[int, Floats] = {}
-    found = []
-    for hold in holds:
-        valid = np.isfinite(hold)
-        if not valid.all():
-            found.append(_trend(valid, degree))
-            continue
-        if len(hold) not in shared:
-            shared[len(hold)] = _trend(valid, degree)
-        found.append(shared[len(hold)])
-    return found
+    here = [np.isfinite(hold) for hold in holds]
+    return [_whole_trend(len(valid), degree) if valid.all() else _trend(valid, degree) for valid in here]
+
+
+@lru_cache(maxsize=4)
+def _whole_trend(samples: int, degree: int) -> Floats:
+    return _trend(np.ones(samples, bool), degree)
 
 
 def _trend(valid: NDArray[np.bool_], degree: int) -> Floats:

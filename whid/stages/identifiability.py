@@ -120,9 +120,9 @@ def distinct(omega: Floats) -> Floats:
     return ordered[np.append(True, np.diff(ordered) > 1e-6 * ordered[1:])] if len(ordered) else ordered
 
 
-def nearest(frequencies: Floats, omega: float) -> int:
-    """Return the place of a frequency among the distinct ones."""
-    return int(np.argmin(np.abs(frequencies - omega)))
+def nearest(frequencies: Floats, omega: Floats | float) -> NDArray[np.intp]:
+    """Return the place of each frequency among the distinct ones."""
+    return np.asarray(np.abs(np.subtract.outer(omega, frequencies)).argmin(axis=-1))
 
 
 def _combination(row: Floats, names: tuple[str, ...]) -> str:

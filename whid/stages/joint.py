@@ -65,7 +65,7 @@ def joint(static: StaticPart, responses: Responses, gauge: Rational, free_breaks
     their standard errors. Source [Brouri2019], eqs. (3.23)-(3.24), fitted as complex numbers.
     """
     omegas = frequencies(responses)
-    among = np.array([nearest(gauge.back_omega, w) for w in omegas[1]])
+    among = nearest(gauge.back_omega, omegas[1])
     front = gauge.front_gain * np.exp(1j * gauge.front_phase)
     back = (gauge.back_gain * np.exp(1j * gauge.back_phase))[among]
     problem = ChainFit(

@@ -91,7 +91,7 @@ def joint_loops(swings: Sequence[Swing], ones: Sequence[Lumped], degree: int, *,
     Source [Giri], eqs. (12), (29)-(34), the d_i too divided by the sum of the α; [PAPERS D].
     """
     omega = distinct(np.array([s.omega for s in swings]))
-    index = np.array([nearest(omega, s.omega) for s in swings])
+    index = nearest(omega, np.array([s.omega for s in swings]))
     anchor = int(np.argmax([np.ptp(s.mean) for s in swings]))
     reference = int(index[anchor])
     unit = swings[anchor].amplitude ** -np.arange(degree + 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -189,15 +189,7 @@ class _Search:
 
         Then with a resonance in the band, in front or behind: no descent finds one from real poles when it is sharp.
         """
-        top = float(self.omegas[0].max()) / self.reference
-        m, n, k, j = orders
-        for ratio, centre in ((1.0, 2.0 * top), (1.0, 8.0 * top), (4.0, 4.0 * top), (0.25, 4.0 * top)):
-            yield np.zeros(m), _poles(centre * ratio**0.5, n), np.zeros(k), _poles(centre / ratio**0.5, j)
-        for speed in (0.5 * top, 1.2 * top):
-            if n > 1:
-                yield np.zeros(m), _resonant(speed, n), np.zeros(k), _poles(4.0 * top, j)
-            if j > 1:
-                yield np.zeros(m), _poles(4.0 * top, n), np.zeros(k), _resonant(speed, j)
+        yield from _first_starts(float(self.omegas[0].max()) / self.reference, orders)
 
     def grown(self, base: _Fitted, orders: Orders) -> Iterator[Start]:
         """Yield starts from a neighbour: added poles beyond the band, zeros at infinity; or without its fastest root."""
@@ -260,6 +252,18 @@ class _Search:
         """Fit once more from where a start ended, to the very minimum."""
         problem = self.problem(fitted.coefficients)
         return problem, problem.solve(10 * QUICK, fitted.theta, NEAR)
+
+
+@lru_cache
+def _first_starts(top: float, orders: Orders) -> tuple[Start, ...]:
+    """Return the first starts below a highest frequency: the same in every repeat of an experiment."""
+    m, n, k, j = orders
+    spread = ((1.0, 2.0 * top), (1.0, 8.0 * top), (4.0, 4.0 * top), (0.25, 4.0 * top))
+    found = [(_poles(centre * ratio**0.5, n), _poles(centre / ratio**0.5, j)) for ratio, centre in spread]
+    for speed in (0.5 * top, 1.2 * top):
+        found += [(_resonant(speed, n), _poles(4.0 * top, j))] if n > 1 else []
+        found += [(_poles(4.0 * top, n), _resonant(speed, j))] if j > 1 else []
+    return tuple((np.zeros(m), front, np.zeros(k), back) for front, back in found)
 
 
 def _neighbours(orders: Orders, highest: tuple[int, int]) -> Iterator[Orders]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial as poly
 from numpy.typing import NDArray
 
 from whid.fit import linear_least_squares
@@ -110,13 +111,10 @@ def _inner_gain(coefficients: Floats, offset: float, reach: float, mean: float) 
     """
     from math import factorial
 
-    derivative = np.polynomial.Polynomial(coefficients)
-    series = []
-    for j in range(len(coefficients) // 2 + 1):
-        series.append(float(derivative(offset)) / (2**j * factorial(j)) ** 2)
-        derivative = derivative.deriv(2)
+    even = range((len(coefficients) + 1) // 2)
+    series = [poly.polyval(offset, poly.polyder(coefficients, 2 * j)) / (2**j * factorial(j)) ** 2 for j in even]
     series[0] -= mean
     series = np.trim_zeros(series, "b")
-    roots = np.polynomial.polynomial.polyroots(series) if len(series) > 1 else np.empty(0)
+    roots = poly.polyroots(series) if len(series) > 1 else np.empty(0)
     squares = [r.real for r in roots if abs(r.imag) < 1e-9 * (1 + abs(r)) and r.real > 0]
     return min((np.sqrt(s) for s in squares), key=lambda g: abs(g - reach), default=None)
