@@ -46,6 +46,7 @@ from whid.stages._curve_sums import curve_sums, one_chunk
 from whid.stages._local_lines import Seen, Windows
 from whid.stages.chebyshev_fit import fit_of
 from whid.stages.levels import StaticCurve
+from whid.stages.memory import memory_of
 from whid.stages.node_plus import half_way
 from whid.stages.periods import Harmonics
 from whid.stages.settle import Settle
@@ -317,6 +318,9 @@ def test_sums_of_cells_are_those_of_terms(monkeypatch, order, domain):
     cells, windows = found()
     assert cells.tested.samples < cells.left.samples == exact.left.samples == exact.tested.samples
     samples = exact.left.samples
+    asked, of_all = (memory_of(sums, fit_of(sums)) for sums in (cells, exact))
+    assert f"asked of {cells.tested.samples} of {samples} samples" in asked.table().notes[1]
+    assert len(of_all.table().notes) == 1
     np.testing.assert_allclose(cells.left.sums, exact.left.sums, rtol=0, atol=1e-11 * samples)
     np.testing.assert_allclose(
         cells.left.products, exact.left.products, rtol=0, atol=1e-10 * exact.left.square**0.5 * samples**0.5

@@ -66,7 +66,8 @@ def here(work: Work, groups: Sequence[Group]) -> Iterator[Done]:
     """
     size = _Size()
     queue = _Queue(groups)
-    while batch := queue.next(size.tasks):
+    while queue:
+        batch = queue.next(size.tasks)
         began = time.perf_counter()
         outcomes = work(groups[batch.group].shared, batch.tasks)
         size.took(len(batch.tasks), time.perf_counter() - began)
@@ -101,7 +102,8 @@ class Workers:
         try:
             while (queue or running) and not (broken and not running):
                 most = 1 if queue.suspects else AHEAD * self.workers
-                while not broken and queue and len(running) < most and (batch := queue.next(size.tasks)):
+                while not broken and queue and len(running) < most:
+                    batch = queue.next(min(size.tasks, 1 + queue.left // most))  # smaller at the end: all end together
                     try:
                         running[executor.submit(_timed, work, groups[batch.group].shared, batch.tasks)] = batch
                     except RuntimeError:  # it broke between two looks
@@ -134,12 +136,15 @@ class _Queue:
     def __bool__(self) -> bool:
         return bool(self.rest or self.suspects)
 
-    def next(self, most: int) -> Batch | None:
+    @property
+    def left(self) -> int:
+        """Return how many tasks wait."""
+        return sum(len(tasks) for _, tasks in self.rest)
+
+    def next(self, most: int) -> Batch:
         """Return the next batch, of at most so many tasks."""
         if self.suspects:
             return self.suspects.popleft()
-        if not self.rest:
-            return None
         number, tasks = self.rest.popleft()
         if len(tasks) > most:
             self.rest.appendleft((number, tasks[most:]))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from whid.quantity import Measured
 from whid.result import Result
 from whid.score import true_values, units
 from whid.simulate import Clean
-from whid.sweep_bound import bounds
+from whid.sweep_bound import Told, bounds, told
 from whid.sweep_result import SweepResult, gathered
 from whid.tables import as_csv, markdown
 
@@ -68,13 +68,16 @@ def sweep(
     if not force and (done := run_folder.finished(Path(out), stem)):
         return replace(load(done), reused=True)
     tasks = len(cells) * study.sweep.repeats
-    with Journal(Path(out) / f"{stem}{UNFINISHED}", origin["hash"], origin["config"], tasks) as journal:
+    unfinished = Path(out) / f"{stem}{UNFINISHED}"
+    with Journal(unfinished, origin["hash"], origin["config"], tasks) as journal, ThreadPoolExecutor(1) as aside:
         shared = [(each, base, study.sweep.full_records) for each in studies]
         groups = _groups(shared, cells, study.sweep.repeats, journal.places())
-        run = _engine(jobs, executor, scheduler)
-        _perform(run, groups, journal, tasks, watch, fail_fast)
+        run, known = _engine(jobs, executor, scheduler), None
+        for each in _performed(run, groups, journal, tasks, watch, fail_fast):
+            if known is None and _at_frequencies(each.metrics):
+                known = aside.submit(told, studies)  # while the workers work
         over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
-        found = _judged(gathered(study, over, journal.outcomes()), studies)
+        found = _judged(gathered(study, over, journal.outcomes()), studies, known)
         with RunFolder(Path(out), stem) as folder:
             found = _write(found, folder, origin)
             found = replace(found, path=folder.keep(origin["hash"]))
@@ -82,16 +85,21 @@ def sweep(
     return found
 
 
-def _judged(found: SweepResult, studies: Sequence[Study]) -> SweepResult:
+def _at_frequencies(metrics: Iterable[str]) -> list[str]:
+    """Return the metrics that are true of a plant."""
+    return [name for name in metrics if "@" in name]
+
+
+def _judged(found: SweepResult, studies: Sequence[Study], known: Future[Told] | None) -> SweepResult:
     """Return the sweep with what is true of the metrics, and the least standard error that each plan allows."""
-    names = [name for name in found.values if "@" in name]
+    names = _at_frequencies(found.values)
     if studies[0].plant is None or not names:
         return found
     plants = {s.plant.chain: s.plant for s in studies if s.plant}  # a noise sweep has one
     truths = {chain: np.array(true_values(plant, names)) for chain, plant in plants.items()}
     columns = np.array([truths[s.plant.chain] for s in studies if s.plant]).T
-    known = {name: column for name, column in zip(names, columns, strict=True) if np.isfinite(column).all()}
-    return replace(found, truth=known, bound=bounds(studies, tuple(known)))
+    true = {name: column for name, column in zip(names, columns, strict=True) if np.isfinite(column).all()}
+    return replace(found, truth=true, bound=bounds(known.result() if known else told(studies), studies, tuple(true)))
 
 
 def load(path: str | Path) -> SweepResult:
@@ -143,10 +151,10 @@ def _engine(jobs: int, executor: Executor | None, scheduler: str) -> Engine:
     return engine.processes(jobs) if jobs > 1 else engine.here
 
 
-def _perform(
+def _performed(
     run: Engine, groups: Sequence[Group], journal: Journal, tasks: int, watch: Watch | None, fail_fast: bool
-) -> None:
-    """Do what is left, batch by batch into the journal."""
+) -> Iterator[Outcome]:
+    """Do what is left, batch by batch into the journal, and yield it."""
     count = len(journal.places())
     for cell, batch, outcomes in run(repeats, groups):
         found = [o if isinstance(o, Outcome) else Outcome({}, f"sweep-worker: {o.reason}") for o in outcomes]
@@ -157,6 +165,7 @@ def _perform(
                 watch(count, tasks, each.error)
             if each.error and fail_fast:
                 raise WhidError("sweep-failed", f"{each.error} ({count} of {tasks} finished, all of them kept)")
+            yield each
 
 
 def repeats(shared: tuple[Study, Path, bool], tasks: Sequence[tuple[int, tuple[int, ...]]]) -> list[Outcome]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,24 +21,38 @@ from whid.system import System
 PLANS = 20  # different plants and experiments; beyond, the bounds of a sweep would cost more than its cells
 
 
-def bounds(studies: Sequence[Study], metrics: Sequence[str]) -> dict[str, Floats]:
+Told = Mapping[object, tuple[System, Estimate]]  # plants without noise, and their numbers, by plant and experiment
+
+
+def told(studies: Sequence[Study]) -> Told:
+    """Return what the experiments tell of all numbers of their true plants, for noise of unit standard deviation."""
+    found: dict[object, tuple[System, Estimate]] = {}
+    for study in studies:
+        if _std(study) is None or _plan(study) in found or len(found) >= PLANS:
+            continue
+        with suppress(WhidError, ValueError, np.linalg.LinAlgError):  # a plant that has no tangents
+            found[_plan(study)] = _unit(study)
+    return found
+
+
+def bounds(known: Told, studies: Sequence[Study], metrics: Sequence[str]) -> dict[str, Floats]:
     """Return the bound of every metric in every cell, {metric: (cells,)}; nothing where it is not known.
 
     std(metric) ≥ sqrt(gᵀ (σ⁻² JᵀJ)⁻¹ g), J the tangents of ŷ with respect to all numbers of the true plant, g the metric's
     gradient. Known for one white noise at the output; NaN in a cell with another one.
     Source [Kay 1993, Fundamentals of Statistical Signal Processing: Estimation Theory], section 3.8.
     """
-    unit: dict[object, dict[str, float]] = {}
+    unit = {plan: np.array([_of(*numbers, name) for name in metrics]) for plan, numbers in known.items()}
     found = np.full((len(metrics), len(studies)), np.nan)
     for c, study in enumerate(studies):
         std = _std(study)
-        plan = (study.plant.chain if study.plant else (), study.experiment)
-        if std is None or (plan not in unit and len(unit) >= PLANS):
-            continue
-        if plan not in unit:
-            unit[plan] = _unit(study, metrics)
-        found[:, c] = [std * unit[plan][name] for name in metrics]
+        if std is not None and _plan(study) in unit:
+            found[:, c] = std * unit[_plan(study)]
     return {name: row for name, row in zip(metrics, found, strict=True) if np.isfinite(row).any()}
+
+
+def _plan(study: Study) -> object:
+    return (study.plant.chain if study.plant else (), study.experiment)
 
 
 def _std(study: Study) -> float | None:
@@ -46,23 +61,18 @@ def _std(study: Study) -> float | None:
     return noise[0].std if white else None
 
 
-def _unit(study: Study, metrics: Sequence[str]) -> dict[str, float]:
-    """Return the bounds for noise of unit standard deviation."""
+def _unit(study: Study) -> tuple[System, Estimate]:
     assert study.plant is not None
     silent = replace(study.plant, noise=())
     records = [simulate(silent, each, np.random.default_rng(study.seed)) for each in study.experiment]
-    try:
-        estimate = bound(silent, [_hidden(record) for record in records], [1.0] * len(records))
-    except (WhidError, ValueError, np.linalg.LinAlgError):  # a plant that has no tangents
-        return dict.fromkeys(metrics, float("nan"))
-    return {name: _of(silent, name, estimate) for name in metrics}
+    return silent, bound(silent, [_hidden(record) for record in records], [1.0] * len(records))
 
 
 def _hidden(record: Record) -> Record:
     return record.without("report") if record.using("report").any() else record
 
 
-def _of(system: System, metric: str, estimate: Estimate) -> float:
+def _of(system: System, estimate: Estimate, metric: str) -> float:
     """Return sqrt(gᵀ C g), g by central differences; infinite where the metric moves along what the plan does not show."""
     numbers = zip(estimate.names, estimate.values.tolist(), strict=True)
     gradient = np.array([_slope(system, metric, name, value) for name, value in numbers])

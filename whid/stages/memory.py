@@ -10,7 +10,7 @@ import numpy as np
 from whid.fit import normal_equations
 from whid.quantity import Table
 from whid.signal import Floats
-from whid.stages._curve_sums import CurveSums, curve_sums, one_chunk
+from whid.stages._curve_sums import EVERY, TESTED, CurveSums, curve_sums, one_chunk
 from whid.stages.chebyshev_fit import ChebyshevFit
 from whid.stages.lack_of_fit import ROUNDING
 
@@ -25,12 +25,18 @@ class Memory(NamedTuple):
     dof: int
     p: float
     passed: bool
+    samples: (
+        int  # in the domain, and those that were asked: of a long record the first million, and every 32nd stretch after
+    )
+    tested: int
 
     def table(self) -> Table:
         """Return one row and the verdict."""
         row = (self.lags, float(f"{self.statistic:.4g}"), self.dof, float(f"{self.p:.3g}"))
         none = "earlier inputs explain nothing more: no memory seen"
-        return Table("Memory", ("earlier inputs", "F", "dof", "p"), (row,), (none if self.passed else self._found,))
+        some = f"asked of {self.tested} of {self.samples} samples: the first {TESTED}, then one stretch in {EVERY}"
+        notes = (none if self.passed else self._found, *[some] * (self.tested < self.samples))
+        return Table("Memory", ("earlier inputs", "F", "dof", "p"), (row,), notes)
 
     def doubts(self) -> tuple[str, ...]:
         """Return the warning of a system that remembers."""
@@ -64,7 +70,7 @@ def memory_of(sums: CurveSums, fit: ChebyshevFit) -> Memory:
     """Return the test on samples that were seen in sums."""
     from scipy.special import fdtrc
 
-    order, samples = sums.order, sums.tested.samples
+    order, samples, inside = sums.order, sums.tested.samples, sums.left.samples
     size = order + 1
     own, crossed = sums.tested.gram(order), sums.crossed
     gram = np.block([[own, crossed], [crossed.T, sums.lags]])
@@ -76,10 +82,10 @@ def memory_of(sums: CurveSums, fit: ChebyshevFit) -> Memory:
     joined = normal_equations(gram, products, square, samples)
     lags, dof = joined.rank - alone.rank, joined.dof
     if lags < 1 or dof < 1 or square <= (ROUNDING * fit.scale) ** 2 * samples:
-        return Memory(0.0, max(lags, 0), dof, 1.0, True)
+        return Memory(0.0, max(lags, 0), dof, 1.0, True, inside, samples)
     statistic = float((alone.chi2 - joined.chi2) / lags / max(joined.chi2 / dof, 1e-300))
     p = float(fdtrc(lags, dof, max(statistic, 0.0)))
-    return Memory(statistic, lags, dof, p, p >= SIGNIFICANCE)
+    return Memory(statistic, lags, dof, p, p >= SIGNIFICANCE, inside, samples)
 
 
 def lagged(u: Floats, lags: int) -> Iterator[Floats]:
