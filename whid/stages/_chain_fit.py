@@ -56,7 +56,7 @@ class FreeResponse:
 
     @cached_property
     def _slopes(self) -> Complexes:
-        return np.kron([1.0, 1j], np.eye(len(self.omega)))
+        return np.asarray(np.kron([1.0, 1j], np.eye(len(self.omega))), complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +84,8 @@ class RationalResponse:
 
     @cached_property
     def _powers(self) -> tuple[Complexes, Complexes]:
-        """P … p^m and p … p^n, a row a frequency."""
-        p = (1j * self.omega / self.reference)[:, None]
+        """Return p … p^m and p … p^n, a row a frequency."""
+        p: Complexes = np.asarray(1j * self.omega / self.reference, complex)[:, None]
         return p ** np.arange(1, len(self.numerator) + 1), p ** np.arange(1, len(self.denominator) + 1)
 
 
@@ -261,7 +261,8 @@ class ChainFit:
         datum, place = e * (highest + 1) + k, self._places[0] * size + self._places[1]
         turning = k > 0
         return _At(
-            e, k, 1j * k, turning, np.flatnonzero(turning), highest, place, datum, datum[:, None] * (pieces * size) + place
+            e, k, np.asarray(1j * k, complex), turning, np.flatnonzero(turning), highest, place, datum,
+            datum[:, None] * (pieces * size) + place,
         )  # fmt: skip
 
     @cached_property

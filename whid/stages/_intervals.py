@@ -61,10 +61,10 @@ def _left_over(
 
     def centred(values: Floats) -> Floats:
         own = np.where(inside, values[rows], 0.0)
-        return own - own.sum(axis=1, keepdims=True) / size[:, None]
+        return np.asarray(own - own.sum(axis=1, keepdims=True) / size[:, None])
 
     def along(a: Floats, b: Floats) -> Floats:
-        return np.einsum("ij,ij->i", a, b)[:, None]
+        return np.asarray(np.einsum("ij,ij->i", a, b)[:, None])
 
     local = np.where(inside, centred(z), 0.0)
     local /= np.maximum(np.abs(local).max(axis=1, keepdims=True), 1e-300)

@@ -25,10 +25,8 @@ class Memory(NamedTuple):
     dof: int
     p: float
     passed: bool
-    samples: (
-        int  # in the domain, and those that were asked: of a long record the first million, and every 32nd stretch after
-    )
-    tested: int
+    samples: int  # in the domain
+    tested: int  # of them: of a long record the first million, and every 32nd stretch after
 
     def table(self) -> Table:
         """Return one row and the verdict."""
