@@ -104,7 +104,9 @@ def test_a_failing_cell_is_a_row_and_the_command_says_so(config, tmp_path):
     assert run.exit_code == 3
     report = json.loads(run.stdout)
     assert report["failed"] == 3
-    assert "stage-too-short" in run.stderr
+    assert "/6 failed: stage-too-short" in run.stderr  # as it happens
+    assert "\n6/6\n" in run.stderr  # no bar off a terminal
+    assert "failed 3 times at 0.2: stage-too-short" in run.stderr
     bad = CliRunner().invoke(main, [*args, "expect=[{metric: front.gain.error.max, below: 1e-9}]"])
     assert bad.exit_code == 4
     shown = CliRunner().invoke(main, ["show", json.loads(bad.stdout)["path"]])

@@ -28,10 +28,10 @@ def told(studies: Sequence[Study]) -> Told:
     """Return what the experiments tell of all numbers of their true plants, for noise of unit standard deviation."""
     found: dict[object, tuple[System, Estimate]] = {}
     for study in studies:
-        if _std(study) is None or _plan(study) in found or len(found) >= PLANS:
+        if _std(study) is None or len(found) >= PLANS or (plan := _plan(study)) in found:
             continue
         with suppress(WhidError, ValueError, np.linalg.LinAlgError):  # a plant that has no tangents
-            found[_plan(study)] = _unit(study)
+            found[plan] = _unit(study)
     return found
 
 
@@ -46,8 +46,8 @@ def bounds(known: Told, studies: Sequence[Study], metrics: Sequence[str]) -> dic
     found = np.full((len(metrics), len(studies)), np.nan)
     for c, study in enumerate(studies):
         std = _std(study)
-        if std is not None and _plan(study) in unit:
-            found[:, c] = std * unit[_plan(study)]
+        if std is not None and (plan := _plan(study)) in unit:
+            found[:, c] = std * unit[plan]
     return {name: row for name, row in zip(metrics, found, strict=True) if np.isfinite(row).any()}
 
 

@@ -15,6 +15,7 @@ from tests import design_p
 from tests.test_sweep import STUDY
 from whid import sweep as sweeps
 from whid.disturbances.white import White
+from whid.engine import Group, processes
 from whid.methods.wiener_hammerstein import WienerHammerstein
 from whid.simulate import Clean, simulate
 from whid.sweep import sweep
@@ -92,14 +93,36 @@ def test_a_noise_sweep_on_one_core(how, override, bar, tmp_path):
 
 def test_two_workers_against_one(tmp_path):
     """Wall time, on full records; the start of the processes counts."""
-    seconds = []
+    seconds, found = [], []
     for jobs in (1, 2):
         with clock(time.perf_counter) as taken:
-            sweep(NOISE, tmp_path / str(jobs), ["sweep.repeats=200", FULL], jobs=jobs)
+            found.append(sweep(NOISE, tmp_path / str(jobs), ["sweep.repeats=200", FULL], jobs=jobs))
         seconds += taken
     one, two = seconds
+    assert all(np.array_equal(values, found[1].values[name], equal_nan=True) for name, values in found[0].values.items())
     print(f"\none worker {one:.1f} s, two {two:.1f}: {one / two:.2f}x (bar 1.8), {load()}")
     assert one / two >= 1.8
+
+
+def work(shared, tasks):
+    """Wait for every task, and tell how long that was."""
+    seconds = []
+    for _ in tasks:
+        with clock(time.perf_counter) as taken:
+            time.sleep(shared)
+        seconds += taken
+    return seconds
+
+
+def test_handing_work_over_costs_little():
+    """Groups of 20 tasks of 30 ms: what two workers do besides them, from the first outcome to the last but a batch."""
+    ends, busy = [], []
+    for _, _, seconds in processes(2)(work, [Group(0.03, tuple(range(20)))] * 40):
+        ends.append(time.perf_counter())
+        busy.append(sum(seconds))
+    overhead = 1 - sum(busy[1:-1]) / (2 * (ends[-2] - ends[0]))
+    print(f"\nchunks: {overhead:.1%} of two workers' time is not work (bar 5 %), {len(busy)} batches, {load()}")
+    assert overhead <= 0.05
 
 
 def test_cost_grows_with_the_cells(tmp_path):
