@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ from whid.files.run_folder import RunFolder
 from whid.files.source import locate
 from whid.files.sweep_file import KEPT, read_sweep, write_sweep
 from whid.quantity import Measured
-from whid.result import Result
+from whid.result import Result, at_frequency
 from whid.score import true_values, units
 from whid.simulate import Clean
 from whid.sweep_bound import Told, bounds, told
@@ -74,7 +74,7 @@ def sweep(
         groups = _groups(shared, cells, study.sweep.repeats, journal.places())
         run, known = _engine(jobs, executor, scheduler), None
         for each in _performed(run, groups, journal, tasks, watch, fail_fast):
-            if known is None and _at_frequencies(each.metrics):
+            if known is None and any(map(at_frequency, each.metrics)):
                 known = aside.submit(told, studies)  # while the workers work
         over = {path: tuple(chosen[path] for chosen in cells) for path in study.sweep.over}
         found = _judged(gathered(study, over, journal.outcomes()), studies, known)
@@ -85,14 +85,9 @@ def sweep(
     return found
 
 
-def _at_frequencies(metrics: Iterable[str]) -> list[str]:
-    """Return the metrics that are true of a plant."""
-    return [name for name in metrics if "@" in name]
-
-
 def _judged(found: SweepResult, studies: Sequence[Study], known: Future[Told] | None) -> SweepResult:
     """Return the sweep with what is true of the metrics, and the least standard error that each plan allows."""
-    names = _at_frequencies(found.values)
+    names = [name for name in found.values if at_frequency(name)]
     if studies[0].plant is None or not names:
         return found
     plants = {s.plant.chain: s.plant for s in studies if s.plant}  # a noise sweep has one

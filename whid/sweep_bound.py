@@ -19,8 +19,6 @@ from whid.simulate import simulate
 from whid.system import System
 
 PLANS = 20  # different plants and experiments; beyond, the bounds of a sweep would cost more than its cells
-
-
 Told = Mapping[object, tuple[System, Estimate]]  # plants without noise, and their numbers, by plant and experiment
 
 
