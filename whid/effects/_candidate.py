@@ -9,6 +9,8 @@ import numpy as np
 
 from whid.system import System
 
+CHANCE = 1e-3  # of naming an effect where nothing is missing, all of them together
+
 
 class Candidate(NamedTuple):
     """An edit of the tree that adds an effect, at start values of its new numbers.
@@ -47,6 +49,18 @@ class Candidate(NamedTuple):
         count = len(self.new)
         each = samples / max(count, 1) if self.course else samples
         return float(count / 2 * np.log(each) + np.log(self.tried))
+
+    def chance(self, samples: int, of: int) -> float:
+        """Return the nats, penalty paid, that chance alone gains once in a thousand records, `of` so many effects tried.
+
+        Where nothing is missing twice the likelihood's gain is χ² with as many degrees of freedom as the effect has numbers
+        [Wilks 1938]; a walk has one. Every value searched counts as an effect of its own.
+        """
+        from scipy.stats import chi2
+
+        numbers = 1 if self.paid is not None else max(len(self.new), 1)
+        paid = np.log(samples) / 2 if self.paid is not None else self.penalty(samples)
+        return float(chi2.isf(CHANCE / (of * self.tried), numbers) / 2 - paid)
 
     @property
     def free(self) -> bool:

@@ -12,11 +12,12 @@ from whid.fit import Estimate
 from whid.system import System
 from whid.trace._forensics import without_suspects
 from whid.trace._gate import gate
-from whid.trace._mend import across, at, searched, tried
+from whid.trace._mend import across, at, jumps, searched, tried
 from whid.trace._refit import error2, fitted
 from whid.trace._state import Data, State, with_noise
 
 STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
+ASIDE = 1.1  # of it, where a curve jumps: the fit may have stopped beside the jump
 SCATTERED = 3  # of them
 
 
@@ -26,12 +27,12 @@ def base(system: System, data: Data, path: str) -> State:
     What is left over is then looked at on every sample: what hangs, stands alone or meets a rail is for effects to explain.
     """
     known = data.floor.dof > 0
-    noise = Noise(data.floor.std, tuple(data.floor.ar)) if known else Noise()
+    noise = Noise(data.floor.innovation, tuple(data.floor.ar)) if known else Noise()
     count = len(data.seen)
     look, estimate = fitted(
         Look(system, without_suspects(data.seen, data.raw), (noise,) * count, (0, len(system.series)), path)
     )
-    if known and error2(look) > STUCK * look.samples:
+    if known and error2(look) > (ASIDE if jumps(look) else STUCK) * look.samples:
         look, estimate = _best_of(system, look, estimate)
     if not known:
         for _ in range(3 if data.coloured else 1):

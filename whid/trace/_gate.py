@@ -9,10 +9,9 @@ import numpy as np
 
 from whid.diagnostics.answering import answering
 from whid.diagnostics.repeating import repeating
+from whid.effects._candidate import CHANCE
 from whid.effects._look import Look
 from whid.trace._floor import repeats
-
-NOMINAL = 1e-3  # false alarms, all tests together
 
 
 class Test(NamedTuple):
@@ -29,7 +28,7 @@ class Gate(NamedTuple):
 
     tests: tuple[Test, ...]
     p: float
-    threshold: float = NOMINAL
+    threshold: float = CHANCE
 
     @property
     def words(self) -> str:

@@ -111,6 +111,11 @@ def _bare_jump(look: Look) -> bool:
     )
 
 
+def jumps(look: Look) -> bool:
+    """Tell whether a curve of the model jumps: no slope leads a fit to where."""
+    return any(isinstance(block, Static) and np.any(block.jumps()) for block in look.system.series)
+
+
 def _doubtful(error: Floats) -> Bools:
     """Return where an error stands out, and the samples beside."""
     size = np.abs(np.nan_to_num(error))

@@ -36,6 +36,12 @@ class Refit(NamedTuple):
     selection_std: float = 0.0
     blocks: Floats = np.empty(0)  # of the selection data: the gain of each
     told: Told | None = None
+    kept_back: float = 0.0  # nats that the selection data add to `gain`, where the noise was measured
+
+    @property
+    def evidence(self) -> float:
+        """Return the nats gained on all samples but the report's: those that were fitted, and those that were predicted."""
+        return self.gain + self.kept_back
 
     @property
     def entangled(self) -> bool:

@@ -68,7 +68,7 @@ class Ranking(NamedTuple):
             )  # fmt: skip
         rest = max(len(self.effect) - 12, 0)
         notes = (
-            f"gains in nats of log-likelihood over nothing added, penalties paid; {self.needed:g} are needed",
+            f"gains in nats of log-likelihood over nothing added, penalties paid; {self.needed:.3g} are needed in all",
             f"margin to the runner-up {self.margin:.3g} nat" if self.taken else "nothing was added",
             *((f"{rest} more in result.h5",) if rest else ()),
         )

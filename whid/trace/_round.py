@@ -25,7 +25,7 @@ ONCE = 0.2  # of what described the noise before: a description that gains less 
 FINALISTS = 4  # effects that are refitted in a round
 STARTS = 2  # of each
 CERTAIN = ("dropouts", "quantizer")  # seen without a model
-PROMISING = 3.0  # nats by score, below which a refit would not reach what is needed
+SHORT = 5.0  # nats that a refit may add to a score: what falls short of what is needed by more is not refitted
 NEAR = 0.95  # of the best gain: a loop that gains less on samples is not fitted between them
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 BLOCKS = 10  # of few stretches of selection data, whose gains scatter as the standard error says
@@ -46,41 +46,58 @@ class Round(NamedTuple):
 
 def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequence[Refit] = ()) -> Round:
     """Screen everything, refit the best few, and say which is to be added; `before`: what was added already."""
-    look, needed = here.look, max(NEEDED, _worth(before, data))
+    look, beyond = here.look, max(NEEDED, _worth(before, data))
+    first = data.floor.dof > 0 and not before
+
+    def needed(start: Screened | Refit) -> float:
+        """Return the nats that it must gain: more than chance does, beside others more than a flaw of their description."""
+        return _by_chance(start, look.samples, len(effects)) if first else beyond
+
     described = ONCE * sum(f.gain for f in before if f.told and not f.told.hidden)
     screened = (_counted(e.screen(look), here, data) for e in effects)
     ranked = sorted(filter(None, screened), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
-        first = starts[0]
-        if first.told is not None and first.effect.kind not in CERTAIN and here.dirty and first.gain < 2 * _room(here, data):
+        start = starts[0]
+        if start.told is not None and start.effect.kind not in CERTAIN and here.dirty and start.gain < 2 * _room(here, data):
             continue  # what answers to the input is no noise
         best = max(fits, key=lambda f: f.gain, default=None)
-        if len(fits) == FINALISTS or first.gain < PROMISING or (best and first.gain < BEHIND * best.gain):
+        if len(fits) == FINALISTS or (best and best.gain > needed(best) and start.gain < BEHIND * best.gain):
             break
-        if _late(first, here, data) and any(_stands(f, here, data) and f.gain > needed for f in fits):
+        if start.gain < min(needed(start), NEEDED) - SHORT:
+            continue
+        if _late(start, here, data) and any(_stands(f, here, data) and f.gain > needed(f) for f in fits):
             continue  # it would come after these
         known = data.floor.dof > 0
         enough = NEAR * best.gain - NEEDED if best and known else -np.inf
         found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
         if found is None:
             continue
-        if known and not found.told and found.gain > needed and (best is None or found.gain > BEHIND * best.gain):
+        if known and not found.told and found.gain > needed(found) and (best is None or found.gain > BEHIND * best.gain):
             found = found if _clean(found) else mended(look, found)
         fits.append(found if found.told else _on_selection(look, found, data))
     good = [f for f in fits if _stands(f, here, data)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
-    taken = good[0] if good and good[0].gain > needed else None
-    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data) for f in fits}, taken, good, needed)
+    taken = next((f for f in good if f.evidence > needed(f)), None)
+    asked = needed(taken or good[0]) if good else beyond
+    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data) for f in fits}, taken, good, asked)
     if taken is None:
         return Round(ranking, None)
-    rivals = tuple(f for f in good[1:] if taken.gain - f.gain < CLASS and taken.effect.name != ASSUMED)
+    near = (f for f in good if f is not taken and taken.evidence - f.evidence < CLASS)
+    rivals = tuple(near) if taken.effect.name != ASSUMED else ()
     state = reached(taken, data, rivals)
     if len(taken.candidate.terms) > 1:
         starts = next(starts for starts in ranked if starts[0].effect.name == taken.effect.name)
         state = state._replace(way=tuple(reached(each, data) for each in by_terms(look, starts, taken)))
     return Round(ranking, state)
+
+
+def _by_chance(start: Screened | Refit, samples: int, effects: int) -> float:
+    told = start.told
+    if told is not None:  # its likelihood's gain is χ² like that of an edit with as many numbers
+        return start.candidate._replace(new=tuple(told.numbers)).chance(samples, effects)
+    return start.candidate.chance(samples, effects)
 
 
 def _counted(starts: Sequence[Screened], here: State, data: Data) -> list[Screened]:
@@ -108,7 +125,7 @@ def _worth(before: Sequence[Refit], data: Data) -> float:
     """
     if not data.floor.dof:
         return 0.0
-    return WORTH * sum(f.gain for f in before if not f.told and not f.candidate.seen)
+    return WORTH * sum(f.evidence for f in before if not f.told and not f.candidate.seen)
 
 
 def _ahead(first: Screened) -> bool:
@@ -122,7 +139,7 @@ def _assumed_first(good: list[Refit]) -> list[Refit]:
     It is a delay of about half a sample, which other effects could take on; but it is a mismatch of what was declared, and
     no effect of the plant, and costs no number.
     """
-    return sorted(good, key=lambda f: not (f.effect.name == ASSUMED and good[0].gain - f.gain < CLASS))
+    return sorted(good, key=lambda f: not (f.effect.name == ASSUMED and good[0].evidence - f.evidence < CLASS))
 
 
 def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:
@@ -132,7 +149,7 @@ def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:
     time fits any of them. Then the gain on selection data decides, and where that does not, the fewer numbers. And while
     the residual answers to the input, what answers to the input comes before a course in time, which predicts nothing.
     """
-    by_gain = sorted(fits, key=lambda f: -f.gain)
+    by_gain = sorted(fits, key=lambda f: -f.evidence)
     if data.floor.dof or not fits or any(f.told for f in fits):
         return by_gain
     best = max(fits, key=lambda f: f.selection)
@@ -166,7 +183,7 @@ def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
     """
     known = data.floor.dof > 0
     ratio = 1.0 if known else float(np.sqrt(max(found.chi2 / error2(before), 1e-300)))  # σ₁/σ₀
-    gains, change2 = [], 0.0
+    gains, change2, squares = [], 0.0, np.zeros(2)
     for r, old, new, keep, noise in zip(
         data.closed, before.predicted, found.look.predicted, data.selection, found.look.noises, strict=True
     ):
@@ -174,9 +191,18 @@ def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
         white = whitened(np.where(keep[:, None], columns, 0.0), keep, np.array(noise.ar))[keep] / noise.std
         gains += _in_blocks(-np.log(ratio) + (white[:, 0] ** 2 - (white[:, 1] / ratio) ** 2) / 2, keep)
         change2 += float(np.sum((white[:, 0] - white[:, 1]) ** 2))
+        squares += np.sum(white**2, axis=0)
     blocks = np.array(gains)
     std = float(np.sqrt(change2)) if known else _scatter(blocks)
-    return found._replace(selection=float(blocks.sum()), selection_std=std, blocks=blocks)
+    kept_back = _kept_back(before, found.chi2, squares, sum(int(keep.sum()) for keep in data.selection)) if known else 0.0
+    return found._replace(selection=float(blocks.sum()), selection_std=std, blocks=blocks, kept_back=kept_back)
+
+
+def _kept_back(before: Look, after: float, squares: Floats, count: int) -> float:
+    """Return what selection data add to the nats gained: n/2·log(χ²₀/χ²₁) of all samples, less that of the fitted ones."""
+    n, old = before.samples, error2(before)
+    whole = (n + count) / 2 * np.log((old + squares[0]) / max(after + squares[1], 1e-300))
+    return float(whole - n / 2 * np.log(old / max(after, 1e-300)))
 
 
 def _in_blocks(gain: Floats, keep: Bools) -> list[float]:
@@ -256,7 +282,7 @@ def _ranking(
 ) -> Ranking:  # fmt: skip
     by_name = {f.effect.name: f for f in fits}
     rows = sorted(
-        ranked, key=lambda s: -(by_name[s[0].effect.name].gain if s[0].effect.name in by_name else s[0].gain - 1e9)
+        ranked, key=lambda s: -(by_name[s[0].effect.name].evidence if s[0].effect.name in by_name else s[0].gain - 1e9)
     )
     names = tuple(s[0].effect.name for s in rows)
     n = taken.look.samples if taken else (fits[0].look.samples if fits else 1)
@@ -273,5 +299,5 @@ def _ranking(
         column(lambda f, s: f.gain if f else nan), column(lambda f, s: f.selection if f else nan),
         column(lambda f, s: f.selection_std if f else nan), tuple(against.get(name, "") for name in names),
         taken.effect.name if taken else "",
-        good[0].gain - (good[1].gain if len(good) > 1 else 0.0) if good else nan, needed,
+        good[0].evidence - (good[1].evidence if len(good) > 1 else 0.0) if good else nan, needed,
     )  # fmt: skip
