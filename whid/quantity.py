@@ -6,7 +6,10 @@ result file, the tables and the pictures need no list of their own.
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import NamedTuple
+
+UNIX = 1e9, 1e11  # s since 1970: between them a time is one of the calendar, of 2001 or later
 
 
 class Quantity(NamedTuple):
@@ -39,3 +42,12 @@ class Table(NamedTuple):
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...] = ()
+
+
+def moment(time: float) -> str:
+    """Return a time in s as people read it: a date where it counts from 1970.
+
+    >>> moment(1709632800.5), moment(12.0)
+    ('2024-03-05 10:00:00 UTC', '12 s')
+    """
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M:%S} UTC" if UNIX[0] <= time < UNIX[1] else f"{time:.12g} s"

@@ -88,6 +88,9 @@ def test_the_exit_code_of_a_command_is_what_it_returns():
 def test_ctrl_c():
     code, out, err = end(KeyboardInterrupt())
     assert (code, out, err.strip()) == (130, "", "interrupted")
+    wrapped = RuntimeError("Error calling __set_name__ on a property")
+    wrapped.__cause__ = KeyboardInterrupt()
+    assert end(wrapped)[::2] == (130, "interrupted\n")
 
 
 def test_a_file_that_the_system_refuses():

@@ -77,9 +77,13 @@ class Commands(click.Group):
         except OSError as error:
             code = _report(WhidError("file-access", error.strerror or str(error), str(error.filename or "")))
         except Exception as error:
-            if os.environ.get("WHID_DEBUG"):
+            if isinstance(error.__cause__, KeyboardInterrupt):  # while a class was made: Python 3.11 wraps it
+                click.echo("interrupted", err=True)
+                code = INTERRUPTED
+            elif os.environ.get("WHID_DEBUG"):
                 raise
-            code = _bug(error)
+            else:
+                code = _bug(error)
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -122,7 +122,7 @@ def _ends(low: float, high: float) -> tuple[float, float]:
 
 
 def _record_table(source: DataSource, found: Ingested) -> Table:
-    from whid.quantity import Table
+    from whid.quantity import Table, moment
     from whid.stages._holds import least_bit
     from whid.stages.causality import causality
     from whid.stages.intersample import intersample
@@ -136,7 +136,7 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
     rows: list[tuple[Any, ...]] = [
         ("samples", len(record), "" if whole else f"{len(record) - len(y)} outputs missing"),
         ("sampling time, s", record.dt, f"{1 / record.dt:.6g} Hz"),
-        ("duration, s", len(record) * record.dt, _since(record.t0)),
+        ("duration, s", len(record) * record.dt, f"from {moment(record.t0)}"),
         (in_units("input, input", record.units), None, _range(record.u, least_bit(record.u))),
         (in_units("output, output", record.units), None, _range(y, least_bit(y))),
     ]
@@ -146,16 +146,6 @@ def _record_table(source: DataSource, found: Ingested) -> Table:
             ("input before output", None, order.verdict if source.causal else "not asked (causal: false)"),
         ]
     return Table(f"record {record.name}", ("what", "value", "remark"), tuple(rows))
-
-
-def _since(t0: float) -> str:
-    """Return where a record begins, as a date where it counts from 1970."""
-    from datetime import UTC, datetime
-
-    from whid.files.grid import UNIX
-
-    date = f"{datetime.fromtimestamp(t0, UTC):%Y-%m-%d %H:%M:%S} UTC" if UNIX <= t0 < 100 * UNIX else ""
-    return f"from {t0:.12g} s" + (f", {date}" if date else "")
 
 
 def _range(x: Any, bit: float) -> str:

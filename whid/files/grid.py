@@ -18,7 +18,6 @@ from whid.signal import Floats
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 JITTER = 0.01  # of a step, accepted with a note
 LONGEST = 1e15  # s
-UNIX = 1e9  # s since 1970: from 2001 on a time is taken for one of the calendar
 GAP = 1.5  # steps: a longer one is taken for rows left out
 
 Where = Callable[[int], str]
@@ -134,10 +133,13 @@ def complete(time: Floats, u: Floats, y: Floats, missing: str, hold: bool, where
     refused = {"error": ~has_u | ~has_y, "mask": ~has_u & (held != joined), "interpolate": np.zeros(len(u), bool)}[missing]
     if refused.any():
         first = int(np.flatnonzero(refused)[0])
-        column = "input" if not has_u[first] else "output"
-        raise WhidError(
-            "data-missing", f"the {column} is missing here and at {int(refused.sum()) - 1} more samples", where(first)
+        what = (
+            "input and output are"
+            if not (has_u[first] or has_y[first])
+            else f"the {'output' if has_u[first] else 'input'} is"
         )
+        others = int(refused.sum()) - 1
+        raise WhidError("data-missing", f"{what} missing here and at {others} more samples", where(first))
     found = ((int((~has_u).sum()), "inputs"), (int((~has_y).sum()), "outputs"))
     counts = " and ".join(f"{count} {what}" for count, what in found if count) + f" of {len(u)} missing"
     valid = has_y if missing == "mask" else np.ones(len(u), bool)

@@ -16,6 +16,7 @@ from whid.files.source import DataSource, locate
 from whid.files.table import Table, open_table
 from whid.kinds import plain
 from whid.operations._operation import Series
+from whid.quantity import UNIX
 from whid.record import Record
 from whid.signal import Floats
 from whid.stages.find_parts import find_parts
@@ -212,7 +213,7 @@ def seconds(
     if written and grid.SECONDS[written] != grid.SECONDS[unit]:
         raise WhidError("data-time-unit", f"the column {name} is in {written}, the config says {unit}")
     note: tuple[str, ...] = () if unit == "s" else (f"time in {unit}, turned into s",)
-    told = declared is not None or written or "time" in source.units or time[0] >= grid.UNIX
+    told = declared is not None or written or "time" in source.units or time[0] >= UNIX[0]
     if not told and len(time) > 1 and bool((time == np.rint(time)).all()):
         note = (f"time steps by whole numbers ({time[1] - time[0]:g}): if that is not in s, say units: {{time: ms}}",)
     return np.asarray(time if unit == "s" else time * grid.SECONDS[unit]), note

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -72,4 +73,8 @@ def locate(file: str, base: Path) -> Path:
     for place in places:
         if place.is_file():
             return place
-    raise WhidError("data-file", f"no such file; looked for {' and '.join(dict.fromkeys(map(str, places)))}", file)
+    looked = f"no such file; looked for {' and '.join(dict.fromkeys(map(str, places)))}"
+    folder = places[0].parent
+    there = [item.name for item in folder.iterdir() if item.is_file()] if folder.is_dir() else []
+    near = get_close_matches(places[0].name, there, n=1)
+    raise WhidError("data-file", looked + (f"; did you mean {near[0]}?" if near else ""), file)

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
+from whid.quantity import moment
+
 Floats = NDArray[np.float64]
 
 MEASURED, MODEL, TRUTH, OTHER, QUIET = "black", "#0072B2", "#D55E00", "#009E73", "#8a8a8a"  # Okabe and Ito
@@ -81,10 +83,10 @@ def clock(time: Floats) -> tuple[Floats, str]:
     """Return times to draw and the name of their axis: seconds since the first where the times are a calendar's.
 
     >>> clock(np.array([1709632800.0, 1709632800.5])), clock(np.array([5.0, 6.0]))
-    ((array([0. , 0.5]), 'time since 1709632800, s'), (array([5., 6.]), 'time, s'))
+    ((array([0. , 0.5]), 'time since 2024-03-05 10:00:00 UTC, s'), (array([5., 6.]), 'time, s'))
     """
     if len(time) and abs(time[0]) > CALENDAR * (time[-1] - time[0]):
-        return time - time[0], f"time since {time[0]:.12g}, s"
+        return time - time[0], f"time since {moment(time[0]).removesuffix(' s')}, s"
     return time, "time, s"
 
 

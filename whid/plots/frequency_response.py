@@ -18,9 +18,9 @@ POINTS = "joint"  # the stage with the responses at the measured frequencies
 def draw(run: Any, figure: Figure) -> None:
     """Draw a column a side that has linear blocks: gain and phase, below each what differs from the model."""
     model = run.stages["model"]
-    sides = [side for side in ("front", "between", "back") if linear_blocks(model.system, side)]
+    sides = [side for side in ("front", "between", "back") if _moves(model.system, side)]
     if not sides:
-        figure.text(0.5, 0.5, "the model has no linear block", ha="center")
+        figure.text(0.5, 0.5, "the model has no linear dynamics", ha="center")
         return
     figure.set_size_inches(0.6 + 3.7 * max(len(sides), 1.5), 6.8)
     axes = figure.subplots(4, len(sides), sharex="col", squeeze=False, height_ratios=(2.2, 1, 2.2, 1))
@@ -32,6 +32,13 @@ def draw(run: Any, figure: Figure) -> None:
         ax.set_ylabel(text)
     axes[0, 0].legend(loc="lower left")
     spaced(figure, 4, len(sides), (0.65, 0.12))
+
+
+def _moves(system: Any, side: str) -> bool:
+    """Tell whether a side has a block with poles, zeros or a delay: a gain alone is no picture."""
+    blocks = [system.series[place] for place in linear_blocks(system, side)]
+    plain = [hasattr(b, "transfer_function") and max(map(len, b.transfer_function())) == 1 for b in blocks]
+    return not all(plain)
 
 
 def _side(axes: Any, run: Any, side: str) -> None:

@@ -56,6 +56,7 @@ class Rational(NamedTuple):
     starts: int  # of the chosen orders, and how many of them ended in the same, best minimum
     agreeing: int
     estimate: Estimate
+    product: bool = False  # all poles stand in front: the sines tell front·back only
 
     def table(self) -> Table:
         """Return the transfer functions."""
@@ -65,7 +66,8 @@ class Rational(NamedTuple):
                 values, errors = getattr(self, f"{block}_{part}"), getattr(self, f"{block}_{part}_std")
                 for power, (v, s) in enumerate(zip(values[::-1], errors[::-1], strict=True)):
                     if power:
-                        rows.append((f"{block} {part}", f"s^{power}", Measured(float(v), float(s))))
+                        name = "front·back" if self.product else block
+                        rows.append((f"{name} {part}", f"s^{power}", Measured(float(v), float(s))))
         e = self.estimate
         fit = f"χ²/dof {e.chi2:.1f}/{e.dof}; static gains are 1; {self.agreeing} of {self.starts} starts agree"
         notes = [fit, f"orders by BIC among {len(self.bic)} candidates"]
@@ -95,8 +97,11 @@ class Rational(NamedTuple):
             yield front_num, front_den, back_num, back_den
 
     def metrics(self) -> dict[str, Measured]:
-        """Return gains and phases by name, `front.gain@0.02`."""
-        return {name.partition(".")[2]: value for name, value in response_metrics("rational", self).items()}
+        """Return gains and phases by name, `front.gain@0.02`; `product.gain@0.02` where they are not told apart."""
+        found = {name.partition(".")[2]: value for name, value in response_metrics("rational", self).items()}
+        if self.product:
+            return {name.replace("front", "product"): value for name, value in found.items() if name.startswith("front")}
+        return found
 
 
 def rational(
@@ -128,7 +133,7 @@ def rational(
     best = search.seen[best.orders]
     problem, estimate = search.finished(best)
     agreeing = sum(end < estimate.chi2 + 0.01 for end in ends)
-    return _result(best.orders, problem, estimate, search, len(ends), agreeing)
+    return _result(best.orders, problem, estimate, search, len(ends), agreeing)._replace(product=not back)
 
 
 class _Fitted(NamedTuple):
