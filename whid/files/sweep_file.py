@@ -11,7 +11,9 @@ import h5py
 import numpy as np
 
 from whid.files._new_hdf5 import new_hdf5
+from whid.signal import Floats
 
+LARGE = 1 << 12  # bytes
 KEPT = ("over", "values", "std", "errors", "truth", "bound", "records")  # of a `SweepResult`
 
 
@@ -31,7 +33,8 @@ def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any],
         group = file.create_group("metrics", track_order=True)
         for name, array in found["values"].items():
             both = {name: array, f"{name}_errors": found["std"][name]}
-            for dataset in (group.create_dataset(each, data=data) for each, data in both.items()):
+            for each, data in both.items():
+                dataset = group.create_dataset(each, data=data, compression="gzip" if _mostly_missing(data) else None)
                 dataset.attrs["units"] = metric_units(name)
                 for scale in cells.values():
                     dataset.dims[0].attach_scale(scale)
@@ -45,6 +48,11 @@ def write_sweep(path: Path, found: Mapping[str, Any], origin: Mapping[str, Any],
         file.create_dataset("failures", data=failures, dtype=h5py.string_dtype(), compression="gzip")
         for name, value in origin.items():
             file.attrs[name] = value if isinstance(value, (str, int, float)) else str(value)
+
+
+def _mostly_missing(data: Floats) -> bool:
+    """Tell whether packing pays: in thousands of cells there is always one that reads the data in its own way."""
+    return bool(data.nbytes > LARGE and np.isnan(data).mean() > 0.5)
 
 
 def read_sweep(path: Path) -> dict[str, Any]:
