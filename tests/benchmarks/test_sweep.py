@@ -114,14 +114,15 @@ def work(shared, tasks):
     return seconds
 
 
-def test_handing_work_over_costs_little():
-    """Groups of 20 tasks of 30 ms: what two workers do besides them, from the first outcome to the last but a batch."""
+@pytest.mark.parametrize(("groups", "tasks", "seconds"), [(400, 1, 0.015), (40, 20, 0.03)])
+def test_handing_work_over_costs_little(groups, tasks, seconds):
+    """What two workers do besides waiting for their tasks, from the first outcome to the last but one."""
     ends, busy = [], []
-    for _, _, seconds in processes(2)(work, [Group(0.03, tuple(range(20)))] * 40):
+    for _, _, waited in processes(2)(work, [Group(seconds, tuple(range(tasks)))] * groups):
         ends.append(time.perf_counter())
-        busy.append(sum(seconds))
+        busy.append(sum(waited))
     overhead = 1 - sum(busy[1:-1]) / (2 * (ends[-2] - ends[0]))
-    print(f"\nchunks: {overhead:.1%} of two workers' time is not work (bar 5 %), {len(busy)} batches, {load()}")
+    print(f"\n{groups} groups of {tasks}, {len(busy)} batches: {overhead:.1%} of two workers' time is no work (bar 5 %)")
     assert overhead <= 0.05
 
 
