@@ -1,6 +1,7 @@
 """The Wiener-Hammerstein benchmark of SYSID 2009, from a cold start: bars on a fifth of the record never looked at."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,20 @@ def test_the_curve_is_the_diodes(cold):
     straight, flat = curve.derivative(np.array([-1.5, -0.5])), curve.derivative(np.array([1.9]))
     assert np.ptp(straight) < 0.03 * straight.mean()
     assert 0 < flat[0] < 0.08 * straight.mean()
+
+
+@pytest.mark.slow
+def test_the_tone_pays_on_samples_kept_aside_for_selection(benchmark):
+    """The tone is part of the model unless `interference: none`; the report samples have no say in that."""
+    kept, part = slice(64_000, 80_000), NoiseBand(start=5200, stop=64_000)
+    record = replace(benchmark, u=benchmark.u[:80_000], y=benchmark.y[:80_000], valid=None, parts=(part,))
+    system = list(load_study(CONFIG).identify([record]))[-1].system
+    assert system.chain[-1].kind == "tone"
+    alone = replace(system, chain=system.chain[:-1])
+    rms = [1e3 * float(np.std((predict(s.tree, record) - record.y)[kept])) for s in (alone, system)]
+    print(f"selection RMSE {rms[0]:.4f} mV without the tone, {rms[1]:.4f} mV with it")
+    assert rms[1] < rms[0]
+    assert np.sqrt(rms[0] ** 2 - rms[1] ** 2) == pytest.approx(0.05, abs=0.01)  # .068 / √2 and its harmonics
 
 
 @pytest.mark.slow
