@@ -19,6 +19,7 @@ from whid.signal import Floats
 
 LIKELY = 15.0  # nats of the finest course, below which no walk is looked for
 POINTS = (2, 4, 8, 16, 32, 64)
+ABSORBED = 0.03  # of a constant: what the model's own numbers leave of it where they hold an offset
 CYCLES = np.arange(1.5, 10.25, 0.5)  # a record
 
 
@@ -35,9 +36,11 @@ class Drift(Effect):
         """Yield a ramp, smooth courses through more and more points, and the slow sine that fits best."""
         start, stop = min(r.t0 for r in look.records), max(float(r.time[-1]) for r in look.records)
         seen = np.sort(np.concatenate([r.time[use] for r, use in zip(look.records, look.use, strict=True)]))
+        held = 1 if _free_offset(look) else 0
         for points in POINTS:
-            names = tuple(f"levels.{k}" for k in range(points))
-            block = Course(times=spread(seen, points, start, stop), levels=(0.0,) * points)
+            names = tuple(f"levels.{k}" for k in range(held, points))
+            fixed = tuple(f"levels.{k}" for k in range(held))
+            block = Course(times=spread(seen, points, start, stop), levels=(0.0,) * points, fix=fixed)
             yield sites.inserted(sites.end, block).candidate(*names, amplitude=names)._replace(course=True)
         if len(look.records) == 1:
             for cycles in CYCLES:
@@ -51,7 +54,7 @@ class Drift(Effect):
         the walk explains between the points of the course is `beyond`.
         """
         found = super().screen(look)
-        finest = next((s for s in found if len(s.candidate.new) == POINTS[-1]), None)
+        finest = next((s for s in found if len(s.candidate.new) >= POINTS[-1] - 1), None)
         if finest is None or len(look.records) != 1:
             return found
         nats = finest.gain + finest.candidate.penalty(look.samples)
@@ -69,6 +72,12 @@ class Drift(Effect):
             )
             found = [finest._replace(candidate=walked, gain=float(worth)), *(s for s in found if s is not finest)]
         return sorted(found, key=lambda s: -s.gain)
+
+
+def _free_offset(look: Look) -> bool:
+    """Tell whether the model has an offset of its own: a course's level and that would only undo each other."""
+    one = look.rows([np.ones((len(r), 1)) for r in look.records])
+    return bool(np.linalg.norm(look.rest(one)) < ABSORBED * np.linalg.norm(one))
 
 
 def spread(seen: Floats, points: int, start: float, stop: float) -> tuple[float, ...]:

@@ -12,12 +12,18 @@ from whid.system import System
 from whid.trace._measure import measured
 from whid.trace._refit import Refit
 from whid.trace._report import ResidualReport
+from whid.trace._round import NEEDED, room
 from whid.trace._state import Data, State
 from whid.trace._terms import order
+from whid.trace._unnamed import Unnamed, unnamed
 from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 
 MOST = 0.5  # of what was left over: what the first of several effects must explain for all of them to be named
 LOOP = 0.4  # of it: what a loop must, for anything to be looked for beside it
+STRING = 3  # effects: so many are rarely missing at once
+NEARLY = (
+    0.7  # of the nats that there are: a description without a name that gains so many, and more than what has one, stays
+)
 ALMOST = 0.9  # of it: what all of them must, where the residual still answers to the input
 
 
@@ -50,13 +56,14 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
     found = tuple(_found(s.added, _way(s)) for s in steps if s.added is not None)
     rivals = tuple((f.effect.kind, f.effect.place) for f in last.rivals) if steps else ()
     leads: tuple[Found, ...] = ()
+    other = _outdone(states, data)
     word: Word
     if not steps and not first.dirty:
         word = "nothing missing"
         sentence = "nothing missing: the residual is noise, and no effect would pay for its numbers"
-    elif not steps or _partial(states, std):
+    elif not steps or other or _partial(states, std):
         word, leads, found, rivals = "unattributed", found, (), ()
-        sentence = f"unattributed: {last.gate.words}"
+        sentence = f"unattributed: {other.words if other else last.gate.words}"
         if leads:
             sentence += f"; leads, each a part only: {', '.join(f.name for f in leads)}"
     elif rivals:
@@ -68,6 +75,19 @@ def judged(states: Sequence[State], data: Data) -> Verdict:
     return Verdict(
         word, sentence, found, rivals, leads, "", blank, blank, std, origin, first.gate.p, last.gate.p, (), float("nan")
     )
+
+
+def _outdone(states: Sequence[State], data: Data) -> Unnamed | None:
+    """Return what no effect does and yet explains more, by itself, than what was added; None where nothing does.
+
+    More than all of it; or, where that is a string of effects, more than the first of them. Only where the noise was
+    measured: else gains compare misfits. What the raw output shows is no rival of it.
+    """
+    added = [state.added for state in states if state.added is not None]
+    if not data.floor.dof or not added or any(found.candidate.seen > 0 for found in added) or states[-1].rounded:
+        return None
+    best, gains = unnamed(states[0].look), [found.gain for found in added]
+    return best if best.gain > NEEDED + (gains[0] if len(gains) >= STRING else sum(gains)) else None
 
 
 def _in_words(found: Sequence[Found], steps: Sequence[State], data: Data) -> str:
@@ -83,13 +103,17 @@ def _in_words(found: Sequence[Found], steps: Sequence[State], data: Data) -> str
 
 
 def astray(states: Sequence[State], data: Data) -> bool:
-    """Tell whether going on is no use: most of what was left over is left over still, after two effects, or after a loop.
+    """Tell whether going on is no use: most of what was left over is left over still, after two effects, or after a loop;
+    or it has a description, but no name.
 
     A loop has numbers that soak up a part of nearly anything, and makes every further refit ten times as long.
     """
     last = states[-1]
     if not data.floor.dof or not last.dirty or len(states) < 2:
         return False
+    other = _outdone(states, data)
+    if other is not None and other.gain > NEARLY * room(states[0], data):
+        return True
     several, looped = len(states) > 2, Sites(last.look.system, last.look.core).looped
     explained = _explained(states, noise_level(last, data)[0])[-1]
     return (several and explained < MOST) or (looped and explained < LOOP)

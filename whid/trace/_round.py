@@ -18,6 +18,7 @@ from whid.trace._report import Ranking
 from whid.trace._selection import Bools
 from whid.trace._state import Data, State, reached
 from whid.trace._terms import by_terms
+from whid.trace._unnamed import unnamed
 
 NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 WORTH = 0.03  # of what the effects before it gained, where the noise was measured: less is how an effect was described
@@ -34,7 +35,8 @@ BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach wher
 COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
 GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
 ASSUMED = "intersample@time"
-CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it
+CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it,
+ALIKE = 6.0  # standard errors: if what they predict differs by no more
 
 
 class Round(NamedTuple):
@@ -54,38 +56,39 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
         return _by_chance(start, look.samples, len(effects)) if first else beyond
 
     described = ONCE * sum(f.gain for f in before if f.told and not f.told.hidden)
+    known = data.floor.dof > 0
+    other = unnamed(look).gain if known else -np.inf
     screened = (_counted(e.screen(look), here, data) for e in effects)
     ranked = sorted(filter(None, screened), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
     for starts in ranked:
         start = starts[0]
-        if start.told is not None and start.effect.kind not in CERTAIN and here.dirty and start.gain < 2 * _room(here, data):
+        if start.told is not None and start.effect.kind not in CERTAIN and here.dirty and start.gain < 2 * room(here, data):
             continue  # what answers to the input is no noise
         best = max(fits, key=lambda f: f.gain, default=None)
         if len(fits) == FINALISTS or (best and best.gain > needed(best) and start.gain < BEHIND * best.gain):
             break
         if start.gain < min(needed(start), NEEDED) - SHORT:
             continue
-        if _late(start, here, data) and any(_stands(f, here, data) and f.gain > needed(f) for f in fits):
+        if _late(start, here, data) and any(_stands(f, here, data, other) and f.gain > needed(f) for f in fits):
             continue  # it would come after these
-        known = data.floor.dof > 0
-        enough = NEAR * best.gain - NEEDED if best and known else -np.inf
+        enough = max(NEAR * best.gain - NEEDED, other) if best and known else other
         found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
         if found is None:
             continue
         if known and not found.told and found.gain > needed(found) and (best is None or found.gain > BEHIND * best.gain):
             found = found if _clean(found) else mended(look, found)
         fits.append(found if found.told else _on_selection(look, found, data))
-    good = [f for f in fits if _stands(f, here, data)]
+    good = [f for f in fits if _stands(f, here, data, other)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = next((f for f in good if f.evidence > needed(f)), None)
     asked = needed(taken or good[0]) if good else beyond
-    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data) for f in fits}, taken, good, asked)
+    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data, other) for f in fits}, taken, good, asked)
     if taken is None:
         return Round(ranking, None)
-    near = (f for f in good if f is not taken and taken.evidence - f.evidence < CLASS)
-    rivals = tuple(near) if taken.effect.name != ASSUMED else ()
+    near = (f for f in good if f is not taken and taken.evidence - f.evidence < CLASS and taken.effect.name != ASSUMED)
+    rivals = tuple(f for f in near if _alike(taken, f))
     state = reached(taken, data, rivals)
     if len(taken.candidate.terms) > 1:
         starts = next(starts for starts in ranked if starts[0].effect.name == taken.effect.name)
@@ -160,7 +163,18 @@ def _in_order(fits: Sequence[Refit], data: Data, *, dirty: bool) -> list[Refit]:
     return sorted(by_gain, key=lambda f: (dirty and f.effect.kind in COURSES, worse(f), len(f.candidate.new)))
 
 
-def _room(here: State, data: Data) -> float:
+def _alike(one: Refit, other: Refit) -> bool:
+    """Tell whether what two refits predict differs by no more than noise hides: √Σδ²/σ², δ = ŷ_A − ŷ_B.
+
+    A description of noise leaves the prediction as it is: only likelihood parts it from others.
+    """
+    if one.told or other.told:
+        return True
+    delta = [(a - b)[:, None] for a, b in zip(one.look.predicted, other.look.predicted, strict=True)]
+    return float(np.linalg.norm(one.look.rows(delta))) < ALIKE
+
+
+def room(here: State, data: Data) -> float:
     """Return the nats that an effect without any chance in it could gain at most: the residual brought down to the floor."""
     if not data.floor.dof:
         return float("inf")
@@ -222,22 +236,27 @@ def _late(first: Screened, here: State, data: Data) -> bool:
     return not data.floor.dof and here.dirty and first.effect.kind in COURSES
 
 
-def _stands(found: Refit, here: State, data: Data) -> bool:
+def _stands(found: Refit, here: State, data: Data, other: float) -> bool:
     """Tell whether nothing speaks against a refit."""
-    return not _against(found, here, data)
+    return not _against(found, here, data, other)
 
 
-def _against(found: Refit, here: State, data: Data) -> str:
+def _against(found: Refit, here: State, data: Data, other: float) -> str:
     """Return what speaks against a refit, in words; empty: nothing.
 
     Where nothing else measures the noise, selection data must bear a refit out: a gain that is no chance. They lie between
     what was fitted, and a free course goes through there as well: it must leave nothing that answers to the input, else it
-    may be what the input does, followed in time.
+    may be what the input does, followed in time. So it is where the past of the input or of the output explains more
+    (`other`, nats; see `_unnamed`).
     """
+    if found.look.path != here.look.path:
+        return "did less on samples"
     if _vetoed(found):
         return "vetoed"
     if _entangled(found, here):
         return "undoes a number of the model"
+    if found.candidate.free and found.gain < other:
+        return "the past explains more"
     if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
         return ""
     if found.selection <= BORNE_OUT * found.selection_std:
