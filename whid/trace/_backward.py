@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from whid.trace._against import NEEDED
 from whid.trace._gate import gate
 from whid.trace._refit import error2, refit
-from whid.trace._round import NEEDED, STARTS
+from whid.trace._round import STARTS
 from whid.trace._state import State
 
 

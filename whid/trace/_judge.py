@@ -9,10 +9,11 @@ import numpy as np
 from whid.effects._sites import Sites
 from whid.signal import rms
 from whid.system import System
+from whid.trace._against import NEEDED
 from whid.trace._measure import measured
 from whid.trace._refit import Refit
 from whid.trace._report import ResidualReport
-from whid.trace._round import NEEDED, room
+from whid.trace._round import room
 from whid.trace._state import Data, State
 from whid.trace._terms import order
 from whid.trace._unnamed import Unnamed, unnamed

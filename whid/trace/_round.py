@@ -11,7 +11,7 @@ from whid.effects._effect import Effect, Screened
 from whid.effects._look import Look
 from whid.signal import Floats, rms
 from whid.stages._whiten import whitened
-from whid.trace._gate import gate
+from whid.trace._against import NEEDED, against, clean
 from whid.trace._mend import mended
 from whid.trace._refit import Refit, error2, refit
 from whid.trace._report import Ranking
@@ -20,7 +20,6 @@ from whid.trace._state import Data, State, reached
 from whid.trace._terms import by_terms
 from whid.trace._unnamed import unnamed
 
-NEEDED = 10.0  # nats that an effect must gain beyond its penalty
 WORTH = 0.03  # of what the effects before it gained, where the noise was measured: less is how an effect was described
 ONCE = 0.2  # of what described the noise before: a description that gains less mends the one that is there
 FINALISTS = 4  # effects that are refitted in a round
@@ -31,9 +30,7 @@ NEAR = 0.95  # of the best gain: a loop that gains less on samples is not fitted
 BEHIND = 0.25  # of the best score: what promises less is not refitted
 BLOCKS = 10  # of few stretches of selection data, whose gains scatter as the standard error says
 FEW = 5  # stretches below which they are cut: the misfit of one level of a staircase is one number, in two halves the same
-BORNE_OUT = 2.0  # standard errors that a gain on selection data must reach where nothing repeats
 COURSES = ("drift", "gain_drift", "offset_step")  # in time, whatever the input does
-GROWN = 10.0  # times as uncertain as before: what an entangled effect makes of a number of the model
 ASSUMED = "intersample@time"
 CLASS = 4.0  # nats: refits closer than this to the best cannot be told from it,
 ALIKE = 6.0  # standard errors: if what they predict differs by no more
@@ -70,21 +67,21 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
             break
         if start.gain < min(needed(start), NEEDED) - SHORT:
             continue
-        if _late(start, here, data) and any(_stands(f, here, data, other) and f.gain > needed(f) for f in fits):
+        if _late(start, here, data) and any(not against(f, here, data, other) and f.gain > needed(f) for f in fits):
             continue  # it would come after these
         enough = max(NEAR * best.gain - NEEDED, other) if best and known else other
-        found = refit(look, starts[: 1 if best and _clean(best) else STARTS], enough, known=known)
+        found = refit(look, starts[: 1 if best and clean(best) else STARTS], enough, known=known)
         if found is None:
             continue
         if known and not found.told and found.gain > needed(found) and (best is None or found.gain > BEHIND * best.gain):
-            found = found if _clean(found) else mended(look, found)
+            found = found if clean(found) else mended(look, found)
         fits.append(found if found.told else _on_selection(look, found, data))
-    good = [f for f in fits if _stands(f, here, data, other)]
+    good = [f for f in fits if not against(f, here, data, other)]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = next((f for f in good if f.evidence > needed(f)), None)
     asked = needed(taken or good[0]) if good else beyond
-    ranking = _ranking(ranked, fits, {f.effect.name: _against(f, here, data, other) for f in fits}, taken, good, asked)
+    ranking = _ranking(ranked, fits, {f.effect.name: against(f, here, data, other) for f in fits}, taken, good, asked)
     if taken is None:
         return Round(ranking, None)
     near = (f for f in good if f is not taken and taken.evidence - f.evidence < CLASS and taken.effect.name != ASSUMED)
@@ -181,12 +178,6 @@ def room(here: State, data: Data) -> float:
     return here.look.samples * float(np.log(max(rms(here.left) / data.floor.std, 1.0)))
 
 
-def _clean(found: Refit) -> bool:
-    """Tell whether a refit leaves nothing that answers to the input."""
-    tested = gate(found.look)
-    return tested.p >= tested.threshold
-
-
 def _on_selection(before: Look, found: Refit, data: Data) -> Refit:
     """Return the refit with its gain on selection data, that gain's standard error, and the gains of blocks of them.
 
@@ -234,65 +225,6 @@ def _scatter(blocks: Floats) -> float:
 def _late(first: Screened, here: State, data: Data) -> bool:
     """Tell whether a start comes after all others that stand (see `_in_order`)."""
     return not data.floor.dof and here.dirty and first.effect.kind in COURSES
-
-
-def _stands(found: Refit, here: State, data: Data, other: float) -> bool:
-    """Tell whether nothing speaks against a refit."""
-    return not _against(found, here, data, other)
-
-
-def _against(found: Refit, here: State, data: Data, other: float) -> str:
-    """Return what speaks against a refit, in words; empty: nothing.
-
-    Where nothing else measures the noise, selection data must bear a refit out: a gain that is no chance. They lie between
-    what was fitted, and a free course goes through there as well: it must leave nothing that answers to the input, else it
-    may be what the input does, followed in time. So it is where the past of the input or of the output explains more
-    (`other`, nats; see `_unnamed`).
-    """
-    if found.look.path != here.look.path:
-        return "did less on samples"
-    if _vetoed(found):
-        return "vetoed"
-    if _entangled(found, here):
-        return "undoes a number of the model"
-    if found.candidate.free and found.gain < other:
-        return "the past explains more"
-    if data.floor.dof or found.told is not None or found.candidate.seen > NEEDED:
-        return ""
-    if found.selection <= BORNE_OUT * found.selection_std:
-        return "not borne out"
-    return "may be the input, followed in time" if found.candidate.free and not _clean(found) else ""
-
-
-def _vetoed(found: Refit) -> bool:
-    """Tell whether selection data speak against a refit: a loss that chance would not make.
-
-    Not against what the raw record shows without a model.
-    """
-    if found.candidate.seen > NEEDED:
-        return False
-    expected = found.selection_std**2 / 2
-    return found.selection < -1.0 and found.selection < expected - 2.5 * found.selection_std
-
-
-def _entangled(found: Refit, here: State) -> bool:
-    """Tell whether a refit's effect and a number of the model only undo each other, and did not before it came.
-
-    Numbers that share a scale which the data hardly fix (a gain between two blocks) are correlated, too: no worse for it.
-    """
-    if not found.entangled:
-        return False
-    new = set(found.candidate.new)
-    before, after = (dict(zip(e.names, e.std.tolist(), strict=True)) for e in (here.estimate, found.estimate))
-    old_names = [p.name for p in here.look.system.tree.parameters()]
-    own_names = [p.name for p in found.look.system.tree.parameters() if p.name not in new]
-    if len(old_names) != len(own_names):
-        return True
-    nan = float("nan")
-    shrunk = np.sqrt(found.chi2 / error2(here.look))  # as much better the model explains, as much surer its numbers look
-    pairs = [(before.get(a, nan), after.get(b, nan)) for a, b in zip(old_names, own_names, strict=True)]
-    grown = [new_std * shrunk / old for old, new_std in pairs if old > 0 and np.isfinite(old) and np.isfinite(new_std)]
-    return max(grown, default=np.inf) > GROWN
 
 
 def _ranking(

@@ -18,6 +18,7 @@ from whid.effects._candidate import Candidate
 from whid.effects._look import Look
 from whid.effects._sites import Sites
 from whid.signal import Floats
+from whid.trace._refit import error2
 
 SHORTEST, LONGEST, LAGS = 10.0, 3000.0, 15  # samples of a time constant, how many are tried
 GAPS = (
@@ -38,7 +39,7 @@ class Unnamed(NamedTuple):
 
 
 def unnamed(look: Look) -> Unnamed:
-    """Return the description that explains most of what is left, to first order.
+    """Return the description that explains most of what is left, the model's numbers going along, to first order.
 
     The gain or the zero of the output follows the power of output or input through a lag, e = (a or a·ŷ)·x²/(τs + 1); or
     there is a hysteresis that does not depend on the rate, a sum of plays [Prandtl-Ishlinskii], ahead of a declared block
@@ -99,4 +100,4 @@ def _plays(sites: Sites, place: int, width: float) -> Candidate:
 
 def _gain(look: Look, chi2: float, numbers: int, tried: int) -> float:
     n = look.samples
-    return float(n / 2 * np.log(look.chi2 / max(chi2, 1e-300)) - numbers / 2 * np.log(n) - np.log(tried))
+    return float(n / 2 * np.log(error2(look) / max(chi2, 1e-300)) - numbers / 2 * np.log(n) - np.log(tried))
