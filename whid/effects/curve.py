@@ -21,9 +21,10 @@ def _held(powers: tuple[int, ...]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve(Effect):
-    """The actuator or the sensor is slightly bent: w = v + Σ_k c_k·((v − centre)/scale)^(k+2).
+    """The actuator or the sensor is slightly bent: w = v + offset + Σ_k c_k·((v − centre)/scale)^(k+2).
 
-    Its signature lives in amplitude: the residual against the signal is a smooth curve, the same up and down.
+    Its signature lives in amplitude: the residual against the signal is a smooth curve, the same up and down. A curve bent
+    about its middle is off at 0 as well: a plant without an offset of its own cannot absorb that.
     """
 
     places: ClassVar[tuple[Place, ...]] = (
@@ -32,13 +33,15 @@ class Curve(Effect):
     )
 
     def candidates(self, look: Look, sites: Sites) -> Iterator[Candidate]:
-        """Yield bends by the square, by the cube, by both, and by more powers."""
+        """Yield bends by the square, by the cube, by both, and by more powers, each without and with an offset."""
         place = 0 if self.place == "input" else sites.end
         low, high = look.span(place)
         centre, scale = (low + high) / 2, (high - low) / 2
         if not scale > 0:
             return
         for powers in POWERS:
-            block = Bend(coefficients=(0.0,) * max(powers), centre=centre, scale=scale, fix=_held(powers))
             names = tuple(f"coefficients.{k - 1}" for k in powers)
-            yield sites.inserted(place, block).candidate(*names, amplitude=names)
+            for more in ((), ("offset",)):
+                fixed = (*_held(powers), *(() if more else ("offset",)))
+                block = Bend(coefficients=(0.0,) * max(powers), centre=centre, scale=scale, fix=fixed)
+                yield sites.inserted(place, block).candidate(*names, *more, amplitude=(*names, *more))
