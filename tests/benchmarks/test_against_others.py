@@ -4,28 +4,22 @@ Each as its own documentation begins: jax-sysid a state-space model with neural 
 sysidentpy a polynomial NARX model by forward selection. Time to fit and RMSE of a free simulation on the last fifth.
 """
 
-import os
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from whid.config.load import load_study
+from tests.measured_data import DATA, measured_study
 from whid.files.ingest import ingest
 from whid.predict import predict
 
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
 ESTIMATION, REPORT = slice(5200, 80_000), slice(80_000, 100_000)
 SETTLED = 1000  # samples of the report part that other models may settle in
 
 
 @pytest.fixture(scope="module")
 def bench():
-    study = load_study(ROOT / "configs" / "measured" / "wh_sysid09.yaml")
-    if not (DATA / study.data.file).is_file():
-        pytest.skip(f"{study.data.file} is not in $WHID_DATA (nor in ../shared/data)")
+    study = measured_study("wh_sysid09")
     return study.identify, ingest(study.data, DATA).record
 
 

@@ -1,25 +1,16 @@
 """Ball and hoop without a label: the parametric fit against the staged one on the same random steps, never fitted."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from whid.config.load import load_study
+from tests.measured_data import DATA, measured_study
 from whid.files.ingest import ingest
 from whid.methods.parametric import Parametric
 from whid.predict import predict
 
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
-
 
 def records(config):
-    sources = load_study(ROOT / "configs" / "measured" / config).records
-    if not all((DATA / source.file).is_file() for source in sources):
-        pytest.skip("the ball and hoop records are not in $WHID_DATA (nor in ../shared/data)")
-    return [ingest(source, DATA).record for source in sources]
+    return [ingest(source, DATA).record for source in measured_study(config).records]
 
 
 def model_of(method, found):
@@ -33,13 +24,13 @@ def error(system, record, where):
 @pytest.fixture(scope="module")
 def staged():
     """What the staircase alone leaves of the random steps kept aside."""
-    ours, found = records("ball_and_hoop_parametric.yaml"), records("ball_and_hoop.yaml")[:1]
-    system = model_of(load_study(ROOT / "configs" / "measured" / "ball_and_hoop.yaml").identify, found)
+    ours, found = records("ball_and_hoop_parametric"), records("ball_and_hoop")[:1]
+    system = model_of(measured_study("ball_and_hoop").identify, found)
     return error(system, ours[1], ours[1].using("report"))
 
 
 def test_both_records_together_beat_the_staircase_alone(staged):
-    ours = records("ball_and_hoop_parametric.yaml")
+    ours = records("ball_and_hoop_parametric")
     both = error(model_of(Parametric(orders=(0, 1)), ours), ours[1], ours[1].using("report"))
     print(f"report rms {both:.4f} V, staged {staged:.4f} V")
     assert both < 0.26
@@ -48,14 +39,14 @@ def test_both_records_together_beat_the_staircase_alone(staged):
 
 @pytest.mark.slow
 def test_so_they_do_with_the_orders_searched(staged):
-    ours = records("ball_and_hoop_parametric.yaml")
+    ours = records("ball_and_hoop_parametric")
     both = error(model_of(Parametric(), ours), ours[1], ours[1].using("report"))
     print(f"report rms {both:.4f} V, staged {staged:.4f} V")
     assert both < staged
 
 
 def test_the_staircase_alone_predicts_the_random_steps():
-    staircase, random_steps = records("ball_and_hoop.yaml")
+    staircase, random_steps = records("ball_and_hoop")
     system = model_of(Parametric(orders=(0, 1)), [staircase])
     rms = error(system, random_steps, slice(None))
     print(f"report rms {rms:.4f} V")

@@ -1,13 +1,11 @@
 """Cascaded tanks: the chain of the config beside a linear model of as many poles, on parts kept aside."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from whid.config.load import load_study
+from tests.measured_data import DATA, measured_study
 from whid.experiments.noise_band import NoiseBand
 from whid.files.ingest import ingest
 from whid.methods._windows import Windows
@@ -15,15 +13,10 @@ from whid.predict import predict
 from whid.stages._cascade import Filter
 from whid.stages.linear_in_time import linear_in_time
 
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
-
 
 @pytest.fixture(scope="module")
 def tanks():
-    study = load_study(ROOT / "configs" / "measured" / "cascaded_tanks.yaml")
-    if not (DATA / study.data.file).is_file():
-        pytest.skip(f"{study.data.file} is not in $WHID_DATA (nor in ../shared/data)")
+    study = measured_study("cascaded_tanks")
     return study.identify, ingest(study.data, DATA).record
 
 

@@ -1,24 +1,18 @@
 """Real records: what `DATA.md` of the collection says of each is found by ingest."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from tests.measured_data import measured
 from whid.errors import WhidError
 from whid.files.ingest import ingest
 from whid.files.source import Columns, DataSource
 from whid.operations.derivative import Derivative
 from whid.operations.scale import Scale
 
-DATA = Path(os.environ.get("WHID_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
-
 
 def record(file, **options):
-    if not (DATA / file).is_file():
-        pytest.skip(f"{file} is not in $WHID_DATA (nor in ../shared/data)")
-    return ingest(DataSource(file=file, **options), DATA)
+    return ingest(DataSource(file=file, **options), measured(file).parent)
 
 
 def test_ball_and_hoop_staircase_has_41_levels():

@@ -1,30 +1,20 @@
 """The closed loop on measured records, declared with an effect left out that is known to be there (bar T9)."""
 
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.measured_data import CONFIGS, measured_study
 from whid.cli import main
-from whid.config.load import load_study
 from whid.files.ingest import ingest
 from whid.predict import predict
 from whid.refine import refine
 
-ROOT = Path(__file__).parents[2]
-CONFIGS = ROOT / "configs" / "measured"
-DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
-
 
 def study(name):
-    found = load_study(CONFIGS / f"{name}_trace.yaml")
-    for source in found.sources:
-        if not (DATA / source.file).is_file():
-            pytest.skip(f"{source.file} is not in $WHID_DATA (nor in ../shared/data)")
-    return found
+    return measured_study(f"{name}_trace")
 
 
 def declared(name, path="exact"):

@@ -1,30 +1,22 @@
 """The Wiener-Hammerstein benchmark of SYSID 2009, from a cold start: bars on a fifth of the record never looked at."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from whid.config.load import load_study
+from tests.measured_data import DATA, measured_study
 from whid.experiments.noise_band import NoiseBand
 from whid.files.ingest import ingest
 from whid.methods.parametric import Parametric
 from whid.predict import predict
 
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("WHID_DATA", ROOT / ".." / "shared" / "data"))
-CONFIG = ROOT / "configs" / "measured" / "wh_sysid09.yaml"
 REPORT = slice(80_000, 100_000)
 
 
 @pytest.fixture(scope="module")
 def benchmark():
-    study = load_study(CONFIG)
-    if not (DATA / study.data.file).is_file():
-        pytest.skip(f"{study.data.file} is not in $WHID_DATA (nor in ../shared/data)")
-    return ingest(study.data, DATA).record
+    return ingest(measured_study("wh_sysid09").data, DATA).record
 
 
 def fitted(method, record):
@@ -35,7 +27,7 @@ def fitted(method, record):
 
 @pytest.fixture(scope="module")
 def cold(benchmark):
-    return fitted(load_study(CONFIG).identify, benchmark)
+    return fitted(measured_study("wh_sysid09").identify, benchmark)
 
 
 def test_from_a_cold_start_with_only_the_orders(cold):
@@ -87,6 +79,6 @@ def test_random_segments_of_a_fifth(benchmark):
         part = NoiseBand(start=int(start), stop=int(start) + 20_000)
         report = NoiseBand(start=80_000, stop=100_000, use="report")
         record = type(benchmark)(**{**vars(benchmark), "parts": (part, report)})
-        found.append(fitted(load_study(CONFIG).identify, record)[1])
+        found.append(fitted(measured_study("wh_sysid09").identify, record)[1])
     print("report RMSE, mV:", np.round(found, 4))
     assert max(found) <= 0.30

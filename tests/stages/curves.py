@@ -1,15 +1,11 @@
 """Static curves for the tests: made up, or from the measured staircase."""
 
 import gzip
-import os
-from pathlib import Path
 
 import numpy as np
-import pytest
 
+from tests.measured_data import measured
 from whid.stages.levels import StaticCurve
-
-DATA = Path(os.environ.get("WHID_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def curve_of(level, mean, std, direction=None):
@@ -23,10 +19,7 @@ def curve_of(level, mean, std, direction=None):
 
 def measured_staircase():
     """Holds, levels and directions of the hoop's staircase."""
-    path = DATA / "ball_and_hoop_staircase.csv.gz"
-    if not path.exists():
-        pytest.skip(f"measured data not found: {path} (set WHID_DATA)")
-    with gzip.open(path) as file:
+    with gzip.open(measured("ball_and_hoop_staircase.csv.gz")) as file:
         _, u, y = np.loadtxt(file, delimiter=",", skiprows=1, unpack=True)
     edges = np.flatnonzero(np.abs(np.diff(u)) > 0.02) + 1
     level = u[np.append(0, edges)]
