@@ -119,3 +119,12 @@ def test_a_place_without_room_for_the_picture_costs_the_picture_only(bench, monk
     out = run("bench.csv").output
     assert "no picture: bench-ingest.png: No space left on device; give another place with --out" in out
     assert "identify: {kind: wiener_hammerstein}" in out
+
+
+def test_without_levels_the_study_is_for_any_excitation(bench):
+    u, e = np.random.default_rng(3).standard_normal((2, 500))
+    rows = "".join(
+        f"{k / 100},{a:.4f},{b:.4f}\n" for k, (a, b) in enumerate(zip(u, np.append(0, u[:-1]) + 0.1 * e, strict=True))
+    )
+    (bench / "noise.csv").write_text("t,u,y\n" + rows)
+    assert "identify: {kind: parametric}" in run("noise.csv").output

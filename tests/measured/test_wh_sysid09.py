@@ -55,7 +55,7 @@ def test_the_tone_pays_on_samples_kept_aside_for_selection(benchmark):
     """The tone is part of the model unless `interference: none`; the report samples have no say in that."""
     kept, part = slice(64_000, 80_000), NoiseBand(start=5200, stop=64_000)
     record = replace(benchmark, u=benchmark.u[:80_000], y=benchmark.y[:80_000], valid=None, parts=(part,))
-    system = list(load_study(CONFIG).identify([record]))[-1].system
+    system = list(measured_study("wh_sysid09").identify([record]))[-1].system
     assert system.chain[-1].kind == "tone"
     alone = replace(system, chain=system.chain[:-1])
     rms = [1e3 * float(np.std((predict(s.tree, record) - record.y)[kept])) for s in (alone, system)]

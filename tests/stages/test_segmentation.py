@@ -83,7 +83,7 @@ def test_estimate_names_and_padding():
     r = found(0)
     assert r.estimate.names[:6] == ("breaks.0", "breaks.1", "breaks.2", "breaks.3", "pieces.0.0", "pieces.1.0")
     assert np.isnan(r.coefficients).sum() == 15 - 9
-    assert r.coefficients[3] == pytest.approx([-25, 0, 31.25], abs=1)
+    assert np.all(np.abs(r.coefficients[3] - [-25, 0, 31.25]) < 4 * r.coefficients_std[3])
     assert r.coefficients_std[3] == pytest.approx(r.estimate.std[8:11])
     assert len(r.table().rows) == 5
 
@@ -163,7 +163,7 @@ def test_branches_that_disagree_widen_the_errors():
     same = segment(curve_of(level, 2 * level + 0.01 * rng.normal(size=31), 0.01, way))
     apart = segment(curve_of(level, 2 * level + 0.3 * rng.normal(size=31), 0.01, way))
     assert same.visit_std == 0
-    assert apart.visit_std == pytest.approx(0.3, rel=0.4)
+    assert apart.visit_std == pytest.approx(0.3, rel=0.4)  # 15 pairs of visits tell it to 18 %
     assert same.degrees.tolist() == apart.degrees.tolist() == [1]
     assert apart.coefficients_std[0, 1] > 10 * same.coefficients_std[0, 1]
 

@@ -208,7 +208,10 @@ def _declared(source: DataSource, found: Ingested, base: Path) -> DataSource:
 
 
 def _study(source: DataSource, found: Ingested, base: Path) -> str:
-    """Return a study that runs as it is, the beliefs that most often need a second thought spelled out."""
+    """Return a study that runs as it is, the beliefs that most often need a second thought spelled out.
+
+    Without levels the method is the one for any excitation.
+    """
     from whid.config.yaml import dump
 
     declared = _plain(_declared(source, found, base))
@@ -219,7 +222,9 @@ def _study(source: DataSource, found: Ingested, base: Path) -> str:
     plain_letters = unicodedata.normalize("NFKD", source.name.replace("ß", "ss")).encode("ascii", "ignore").decode()
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", plain_letters).strip("-._")[:64] or "study"
     said = f"# save as {name}.yaml, then: whid check {name}.yaml, whid run {name}.yaml\n"
-    return said + dump({"name": name, "data": ordered, "identify": {"kind": "wiener_hammerstein"}})
+    levels = sum(part.kind == "hold" for part in found.record.parts)
+    method = "wiener_hammerstein" if levels > 1 else "parametric"
+    return said + dump({"name": name, "data": ordered, "identify": {"kind": method}})
 
 
 def _draw(found: Ingested, picture: Path, wanted: bool) -> str:

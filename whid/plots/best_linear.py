@@ -31,7 +31,7 @@ def draw(run: Any, figure: Figure) -> None:
         h = response(fit, w)
         course = np.degrees(np.unwrap(np.angle(h)))
         phase = course + np.degrees(np.angle(g / h))  # no whole turns where the response is lost in noise
-        above.plot(w, _db(np.abs(h)), color=MODEL, lw=1.2, label=f"rational fit, {len(fit.poles)} poles")
+        above.plot(w, _db(np.abs(h)), color=MODEL, lw=1.2, label=f"rational fit, poles: {len(fit.poles)}")
         above.plot(w, _db(np.abs(g - h)), color=QUIET, lw=0, marker=".", ms=2, zorder=1, label="measured − fit")
         below.plot(w, course, color=MODEL, lw=1.2)
     below.plot(w, phase, color=MEASURED, lw=0, marker=".", ms=3, zorder=1)

@@ -13,6 +13,8 @@ from whid.quantity import Measured, Quantity, Table
 from whid.signal import Floats
 from whid.stages._noise import estimate_noise, quantisation_variance, quantum_of
 
+SHOWN = 60  # visits in a table
+
 
 class StaticCurve(NamedTuple):
     """Static curve: mean output at each level, in the order of the visits."""
@@ -31,20 +33,22 @@ class StaticCurve(NamedTuple):
     drifting: Annotated[NDArray[np.bool_], Quantity("1", ("level",))]  # still moving, beyond noise: in the error
 
     def table(self) -> Table:
-        """Return level, direction and mean, a row a visit."""
+        """Return level, direction and mean, a row a visit; of very many the first, the rest are in the result."""
         way = {1: "up", -1: "down"}
         rows = tuple(
             (float(f"{u:.6g}"), way.get(int(d), ""), Measured(float(m), float(s)), int(n))
             for u, d, m, s, n in zip(self.level, self.direction, self.mean, self.mean_std, self.samples, strict=True)
         )
+        more = len(rows) - SHOWN
+        rest = [f"{more} more in result.h5, stages/static_curve"] if more > 0 else []
         order = f"AR({len(self.ar)})" if len(self.ar) else "white"
-        notes = [f"noise std {self.noise_std:.3g}, {order}, long-run variance {self.long_run_variance:.3g}"]
+        notes = [*rest, f"noise std {self.noise_std:.3g}, {order}, long-run variance {self.long_run_variance:.3g}"]
         notes += [] if self.equal_noise else ["the noise differs between levels: each has its own variance"]
         notes += [f"output quantised in steps of {self.quantum:.3g}"] if self.quantum else []
         notes += [f"{self.drifting.sum()} of {len(self.level)} levels still drift: their errors include it"] * any(
             self.drifting
         )
-        return Table("Static curve", ("level, input", "reached", "mean, output", "samples"), rows, tuple(notes))
+        return Table("Static curve", ("level, input", "reached", "mean, output", "samples"), rows[:SHOWN], tuple(notes))
 
 
 def level_means(
