@@ -161,7 +161,7 @@ def test_the_levels_of_noise_and_distortion_stand_below_the_gain(run, tmp_path):
         above = np.median(level - lines["of it noise"])
         assert above > 10 if curved else abs(above) < 2
         assert said in figure.axes[0].texts[0].get_text()
-        np.testing.assert_allclose(lines["rational fit, 1 poles"], _db(np.abs(response(found["linear_fit"], bla.omega))))
+        np.testing.assert_allclose(lines["rational fit, poles: 1"], _db(np.abs(response(found["linear_fit"], bla.omega))))
     names, faults = plots.draw(replace(run, stages=found, residuals=()), tmp_path)
     assert "best_linear.png" in names
     assert faults == ()
