@@ -18,7 +18,7 @@ GAIN = 1e-6  # χ² that an undamped step would still take, a thousandth of a st
 ROUNDING = 1e-13  # of χ²: the same, where χ² is large
 MISFIT = 3.0  # χ² a residual: beyond, a start is far from the data
 CREEPS = 0.01, 8  # of χ² a step, steps: a start that gains less, that often in a row, far from the data, is given up
-LATE = 0.5, 2  # the same once another start has come to a minimum that is near them
+LATE = 0.03, 4  # the same once another start has come to a minimum that is near them
 
 
 class Descents(NamedTuple):
