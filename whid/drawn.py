@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from whid.disturbances._disturbance import Disturbance
 from whid.experiments._experiment import Experiment
-from whid.methods import _assemble as assemble
+from whid.methods import _visits
 from whid.methods._sines import Drive, Sine, drives
 from whid.methods._statistics import OfRecords, OfVisits
 from whid.record import Record
@@ -63,11 +63,11 @@ class Drawn(OfVisits):
                 found.append(Sine(drive.omega, drive.offset, drive.phasor, spectrum.draw(std, rng, ar)))
         return found
 
-    def visits(self) -> list[assemble.Visit]:
+    def visits(self) -> list[_visits.Visit]:
         """Return every visit of a level with samples as they would be measured."""
         every = []
         for plan, std, (rng, _) in self._streams():
-            every += [v._replace(y=v.y + std * rng.standard_normal(len(v.y))) for v in assemble.visits([plan.record])]
+            every += [v._replace(y=v.y + std * rng.standard_normal(len(v.y))) for v in _visits.visits([plan.record])]
         return every
 
     def _streams(self) -> Iterator[tuple[Quiet, float, tuple[np.random.Generator, np.random.Generator]]]:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whid.errors import WhidError
-from whid.methods import _assemble as assemble
 from whid.methods import _piece_plans as plans
+from whid.methods import _visits
 from whid.methods._method import Answered, Wanted
 from whid.methods._sines import Sine, gather
 from whid.quantity import Measured
@@ -223,7 +223,7 @@ class Bench:
         cut, level, way = [], [], []
         self.settles = []
         for record in self.records:
-            if visits := assemble.visits([record]):
+            if visits := _visits.visits([record]):
                 self.settles.append(settle_time([v.y for v in visits], record.dt))
                 first = int(np.ceil((self.settle_s or self.settles[-1].settle) / record.dt))
                 cut += [v.y[first:] for v in visits]

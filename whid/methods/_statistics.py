@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from whid.methods import _assemble as assemble
+from whid.methods import _visits
 from whid.methods._sines import Sine, gather
 from whid.record import Record
 from whid.signal import Floats
@@ -54,16 +54,16 @@ class OfVisits(ABC):
     """What follows from the samples of the holds, whether they were measured or drawn."""
 
     @abstractmethod
-    def visits(self) -> list[assemble.Visit]:
+    def visits(self) -> list[_visits.Visit]:
         """Return every visit of a level with its samples."""
 
     def settles(self) -> list[Settle]:
         """Return how long the holds take to settle, by sampling time."""
-        return [settle_time([v.y for v in same], dt) for dt, same in assemble.by_rate(self.visits()).items()]
+        return [settle_time([v.y for v in same], dt) for dt, same in _visits.by_rate(self.visits()).items()]
 
     def curves(self, settle: float) -> dict[float, StaticCurve]:
         """Return the static curve of each sampling time: one noise model each."""
-        return {dt: static_curve(same, dt, settle) for dt, same in assemble.by_rate(self.visits()).items()}
+        return {dt: static_curve(same, dt, settle) for dt, same in _visits.by_rate(self.visits()).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +86,12 @@ class OfRecords(OfVisits):
         """Return the sines and their harmonics."""
         return gather(self.records, settle, highest, colour)
 
-    def visits(self) -> list[assemble.Visit]:
+    def visits(self) -> list[_visits.Visit]:
         """Return every visit of a level with its samples."""
-        return assemble.visits(self.records)
+        return _visits.visits(self.records)
 
 
-def static_curve(visits: Sequence[assemble.Visit], dt: float, settle: float) -> StaticCurve:
+def static_curve(visits: Sequence[_visits.Visit], dt: float, settle: float) -> StaticCurve:
     """Return the static curve of visits of one sampling time."""
     level, direction = np.array([v.level for v in visits]), np.array([v.direction for v in visits])
     return level_means([v.y for v in visits], level, direction, dt, settle)

@@ -13,12 +13,12 @@ from whid.blocks.piecewise import Piecewise
 from whid.errors import WhidError
 from whid.long_record import LongRecord
 from whid.methods import _assemble as assemble
+from whid.methods import _missing, _visits
 from whid.methods._ask_levels import ask_levels
 from whid.methods._ask_sines import ask_connecting
 from whid.methods._long import OfLong
 from whid.methods._method import Answered, Method, Model, Stages
 from whid.methods._sines import (
-    ChainData,
     Sine,
     above_noise,
     degree_under,
@@ -37,11 +37,10 @@ from whid.stages.branches import branch_gap
 from whid.stages.harmonic_floor import harmonic_floor
 from whid.stages.identifiability import identifiability
 from whid.stages.joint import joint
-from whid.stages.lags import Lags, lags
+from whid.stages.lags import lags
 from whid.stages.levels import StaticCurve
-from whid.stages.rational import Orders, Rational
+from whid.stages.rational import Orders
 from whid.stages.segmentation import Segmentation, segment
-from whid.stages.settle import Settle
 from whid.stages.stepwise import stepwise
 from whid.system import System
 
@@ -111,7 +110,7 @@ class WienerHammerstein(Method):
         for sine in sines:
             yield sine.harmonics
         heard = [sine for sine in sines if sine.harmonics.heard]
-        said = _left_out(seen.records, settles, sines, heard) + tuple(vain)
+        said = _missing.left_out(seen.records, settles, sines, heard) + tuple(vain)
         if heard:
             declared = assemble.orders_of(model) if model else None
             orders = (0, self.orders[0], 0, self.orders[1]) if self.orders else declared
@@ -143,7 +142,7 @@ class WienerHammerstein(Method):
     def _read(self, seen: Statistics, settle: float) -> tuple[dict[float, Floats], StaticCurve, Segmentation]:
         """Return the noise's autoregression by sampling time, the static curve, and its pieces."""
         curves = seen.curves(settle)
-        curve = assemble.joined(list(curves.values()))
+        curve = _visits.joined(list(curves.values()))
         return {dt: one.ar for dt, one in curves.items()}, curve, segment(curve, max_degree=self.degree)
 
     def _seconds(self, seen: Statistics, before: float) -> float:
@@ -193,7 +192,7 @@ class WienerHammerstein(Method):
         yield fit
         if not is_affine(static):
             yield joint(static, above_noise(responses), fit, data.crossed)
-        missing = said + self._missing(any(left), data, fit)
+        missing = said + _missing.of_sines(any(left), data, fit)
         staged = assemble.from_rational(fit, static, pieces, self.normalisation, missing)
         assumed = tuple(pieces.assumed(unseen(pieces, data)))
         rivals = None if orders else assemble.rivals_of(fit, staged.system)
@@ -215,7 +214,7 @@ class WienerHammerstein(Method):
         number[~record.using("estimation")] = -1
         found = lags(input_signal(f, record), np.nan_to_num(record.y), f, number, settle)
         yield found
-        missing = said + self._missing_steps(found)
+        missing = said + _missing.of_steps(found)
         staged = assemble.from_lags(found, f, pieces, curve.noise_std, self.normalisation, missing)
         yield from self._finished(OfRecords(records), staged, tuple(pieces.assumed()), [])
 
@@ -252,42 +251,6 @@ class WienerHammerstein(Method):
         if found.estimate.why_stop == "interrupted":
             raise KeyboardInterrupt
 
-    def _missing(self, left: bool, data: ChainData, fit: Rational) -> tuple[str, ...]:
-        missing = []
-        if left:
-            missing.append(
-                "a sine has harmonics above the degree of its piece: it left the piece; all its harmonics were fitted"
-            )
-        if len(data.opened):
-            where = ", ".join(f"{b:.4g}" for b in data.opened)
-            missing.append(f"the levels show a kink about {where}, but the sines that cross it show a jump there")
-        if not fit.explained:
-            missing.append(
-                f"levels and harmonics together are not explained by f, front and back as found: χ²/dof "
-                f"{fit.estimate.reduced_chi2:.3g}; the standard errors do not hold"
-            )
-        if fit.estimate.why_stop != "converged" or fit.agreeing < 2:
-            missing.append(
-                f"the joint fit may not have found its best minimum: {fit.estimate.why_stop}, {fit.agreeing} of "
-                f"{fit.starts} starts agree"
-            )
-        if fit.rivals():
-            missing.append(
-                f"orders are uncertain; zeros/poles of front, of back within 6 of the best BIC: {'; '.join(fit.rivals())}"
-            )
-        return tuple(missing)
-
-    def _missing_steps(self, found: Lags) -> tuple[str, ...]:
-        missing = [
-            "no sines that move the output beyond noise: the frequency responses of front and back are those of one lag, "
-            "not measured ones"
-        ]
-        if not found.decided:
-            missing.append(
-                "level transitions cannot tell a lag in front of f from one behind it: sines on a curved piece can"
-            )
-        return tuple(missing)
-
 
 def _floors(sines: Sequence[Sine], pieces: Segmentation) -> Generator[Any, Record | None, list[bool]]:
     """Yield the harmonic-floor test of every sine on a smooth piece; return which have left theirs."""
@@ -298,17 +261,3 @@ def _floors(sines: Sequence[Sine], pieces: Segmentation) -> Generator[Any, Recor
             yield floor
             left[i] = floor.p < LEFT / len(sines)
     return left
-
-
-def _left_out(
-    records: Sequence[Record], settles: Sequence[Settle], sines: Sequence[Sine], heard: Sequence[Sine]
-) -> tuple[str, ...]:
-    """Return what of the data could not be used, or not as the errors assume."""
-    said = []
-    if drifting := [settle for settle in settles if not settle.reached]:
-        said.append(f"the levels had not settled: {max(drifting, key=lambda settle: settle.bias).drift()}")
-    if short := sum(len(list(record.select("sine"))) for record in records) - len(sines):
-        said.append(f"{short} sine{'s' * (short > 1)} left out: fewer than two periods after the settling time")
-    if silent := len(sines) - len(heard):
-        said.append(f"{silent} sine{'s' * (silent > 1)} left out: nothing of it stands out of the noise")
-    return tuple(said)
