@@ -132,14 +132,10 @@ class _Queue:
     def __init__(self, groups: Sequence[Group]) -> None:
         self.rest = deque((number, group.tasks) for number, group in enumerate(groups) if group.tasks)
         self.suspects: deque[Batch] = deque()
+        self.left = sum(len(group.tasks) for group in groups)  # that were never begun
 
     def __bool__(self) -> bool:
         return bool(self.rest or self.suspects)
-
-    @property
-    def left(self) -> int:
-        """Return how many tasks wait."""
-        return sum(len(tasks) for _, tasks in self.rest)
 
     def next(self, most: int) -> Batch:
         """Return the next batch, of at most so many tasks."""
@@ -148,6 +144,7 @@ class _Queue:
         number, tasks = self.rest.popleft()
         if len(tasks) > most:
             self.rest.appendleft((number, tasks[most:]))
+        self.left -= len(tasks[:most])
         return Batch(number, tasks[:most])
 
     def again(self, batch: Batch) -> None:
