@@ -21,7 +21,7 @@ from whid.cli._steps import Steps
 @click.option("-q", "--quiet", is_flag=True, help="Print the run's folder only; faults and bounds not met go to stderr.")
 @click.option("--summary", type=click.Path(path_type=Path), help="Add a Markdown summary to a file.")
 @click.option("--junit", type=click.Path(path_type=Path), help="Write the bounds of `expect:` as JUnit XML.")
-@click.option("--max-memory", default="4GB", show_default=True, help="Refuse a study that would need more.")
+@click.option("--max-memory", metavar="SIZE", default="4GB", show_default=True, help="Refuse a study that would need more.")
 def command(
     config: Path, out: Path, overrides: tuple[str, ...], force: bool, as_json: bool, quiet: bool,
     summary: Path | None, junit: Path | None, max_memory: str,

@@ -17,7 +17,7 @@ from whid.cli._steps import Steps
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Override a value, e.g. trace.rounds=1.")
 @click.option("--force", is_flag=True, help="Trace again into a sibling folder, even when this was done.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
-@click.option("--max-memory", default="4GB", show_default=True, help="Refuse a study that would need more.")
+@click.option("--max-memory", metavar="SIZE", default="4GB", show_default=True, help="Refuse a study that would need more.")
 def command(config: Path, out: Path, overrides: tuple[str, ...], force: bool, as_json: bool, max_memory: str) -> int:
     """Say what the declared model lacks: find it in the residual, add it, and report the error before and after.
 

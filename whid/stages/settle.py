@@ -44,12 +44,11 @@ def settle_time(holds: Sequence[Floats], dt: float, significance: float = 0.01, 
 
     χ²(τ) = Σ (mean of the first quarter − mean of the last half)²/variance over the holds, each from τ on; the first τ,
     up to half the shortest hold, with p(χ², H) ≥ significance, and a tenth of it from there to margin·τ: a drift that swings
-    is nought now and then. The variances are those of the noise in the last halves:
-    an autoregression, quadratic trends removed, so that a drift is not taken for noise. Where none passes, what the drift
-    leaves in the last quarters is foretold from how the means m of the quarters 2, 3, 4 close up: of an exponential it is
-    (m₃ − m₄)ρ/(1 − ρ), ρ = (m₃ − m₄)/(m₂ − m₃); half a standard error of these means is as good as settled. holds: output
-    samples from each change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are
-    left out.
+    is nought now and then. The variances are those of the noise in the last halves: an autoregression, quadratic trends
+    removed, so that a drift is not taken for noise. Where none passes, what the drift leaves in the last quarters is
+    foretold from how the means m of the quarters 2, 3, 4 close up: of an exponential it is (m₃ − m₄)ρ/(1 − ρ) with
+    ρ = (m₃ − m₄)/(m₂ − m₃); half a standard error of these means is as good as settled. holds: output samples from each
+    change of level on, NaN where missing; dt and the result in s. Holds shorter than half the median are left out.
     Raises `WhidError("stage-too-short")` without a hold of 16 samples. Source [Brouri2019], the t_r of eq. (3.9).
 
     >>> t = np.arange(400)
