@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.design_p import PLAN, PLANT, STD, back, front
 from whid.blocks.linear import Linear
@@ -12,9 +13,11 @@ from whid.disturbances.white import White
 from whid.experiments._experiment import Experiment
 from whid.experiments.sine import Sine
 from whid.experiments.staircase import Staircase
+from whid.methods._borders import unit_gain
 from whid.methods._method import Answered, Wanted
 from whid.methods._statistics import OfRecords
 from whid.methods.wiener_hammerstein import WienerHammerstein
+from whid.refine import bound
 from whid.simulate import simulate
 from whid.stages.segmentation import segment
 from whid.system import System
@@ -139,6 +142,49 @@ INSIDE = Experiment(
         Sine(offset=2.5, amplitude=1.0, samples_per_period=(200.0, 100.0, 50.0), periods=10),
     ),
 )
+
+
+def test_sines_across_a_break_tell_front_from_back():
+    """Without them only the product is known; with them every number, as well as any unbiased estimate could."""
+    before, _, _ = served(STAGED, AFFINE, INSIDE, SEED, most=0)
+    assert any("only the product front·back" in said for said in before["Model"][0].missing)
+    z, claimed, asked = crossed([SEED])
+    (wanted,) = (w for w in asked if "the break at" in w.reason)
+    assert [part.period for part in wanted.plan] == [200.0, 100.0, 50.0]
+    assert all(abs(part.offset - 0.6) < 0.05 and part.amplitude <= 1 for part in wanted.plan)
+    assert np.abs(z).max() < 4.5
+    assert 0.9 < claimed.min() <= claimed.max() < 1.2
+
+
+@pytest.mark.slow
+def test_sines_across_a_break_reach_the_bound():
+    z, claimed, _ = crossed(range(62_000, 62_040))
+    ratio, slack = np.sqrt(np.mean(np.square(z), axis=0)), np.sqrt(chi2.ppf([0.0005, 0.9995], len(z)) / len(z))
+    print(f"A6 build, affine pieces crossed: RMSE/CRB {ratio.round(3)} over {len(z)} runs, claimed/CRB {claimed.round(3)}")
+    assert np.all(ratio > 0.85 * slack[0])
+    assert np.all(ratio < 1.15 * slack[1])
+
+
+def crossed(seeds):
+    """(estimate − truth)/bound of the numbers of both blocks, (runs, numbers); the claimed errors over the bound; requests.
+
+    The bound is that of all samples, those that were asked for among them.
+    """
+    z, claimed = [], []
+    for seed in seeds:
+        stages, asked, _ = served(WienerHammerstein(), AFFINE, INSIDE, seed)
+        plans = [INSIDE, *(replace(INSIDE, parts=w.plan) for w in asked)]
+        records = [simulate(AFFINE, plan, np.random.default_rng(0)) for plan in plans]
+        held = (*unit_gain(AFFINE), "chain.1.breaks.0")  # to first order a kink moves as the constant beside it does
+        least = bound(replace(AFFINE, noise=()), records, [0.01] * len(records), fixed=held)
+        model = stages["Model"][0].estimate
+        names = [n for n in least.names if n.startswith(("chain.0", "chain.2"))]
+        true = {p.name: p.value for p in AFFINE.tree.parameters(held=True)}
+        error = np.array([model.value(n) - true[n] for n in names])
+        size = np.array([least.std[least.names.index(n)] for n in names])
+        z.append(error / size)
+        claimed.append(np.array([model.std[model.names.index(n)] for n in names]) / size)
+    return np.array(z), np.mean(claimed, axis=0), asked
 
 
 def test_beyond_the_budget_the_method_finishes_and_says_what_is_missing():

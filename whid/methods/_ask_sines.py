@@ -1,8 +1,9 @@
-"""Sines that a method asks for: at frequencies that connect the phases."""
+"""Sines that a method asks for: at frequencies that connect the phases, and across a break between affine pieces."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +44,28 @@ def ask_connecting(
     groups = "; ".join(", ".join(f"{w:.4g}" for w in group) for group in report.groups)
     reason = f"the phases fall apart into {len(report.groups)} groups ({groups} rad/s), each with a delay of its own"
     return Wanted(plan, reason, predicted, "the phase of the second harmonics, rad")
+
+
+def ask_crossing(
+    sines: Sequence[Sine], dt: float, data: ChainData, pieces: Segmentation, reach: tuple[float, float], settle: float
+) -> Wanted | None:
+    """Ask for the same sines about the nearest break, where all of them stay on one affine piece.
+
+    Inside it only front·back is identifiable; across a break the harmonics are A_k(U|G_front|)·G_back(jkω), and the mean
+    tells |G_front|. About the break itself, so that every sine crosses it however little of it the front block lets
+    through; not larger than the levels reach. Source [PAPERS A, build 6].
+    """
+    if not is_affine(data.static) or not len(pieces.breaks):
+        return None
+    plan = []
+    for like in sines:
+        at = float(pieces.breaks[np.argmin(np.abs(pieces.breaks - like.offset))])
+        amplitude = min(abs(like.phasor), at - reach[0], reach[1] - at)
+        plan.append(replace(_sine(like, like.omega, dt, settle), offset=at, amplitude=float(f"{amplitude:.3g}")))
+    std = [_std(like, one) for like, one in zip(sines, plan, strict=True)]
+    where = ", ".join(f"{at:.4g}" for at in sorted({one.offset for one in plan}))
+    reason = f"inside one affine piece only the product front·back shows: the same sines about the break at {where}"
+    return Wanted(tuple(plan), reason, float(np.sqrt(np.mean(np.square(std)))), "a part of their harmonics, output")
 
 
 def _sine(like: Sine, omega: float, dt: float, settle: float) -> planned.Sine:

@@ -15,7 +15,7 @@ from whid.long_record import LongRecord
 from whid.methods import _assemble as assemble
 from whid.methods import _missing, _visits
 from whid.methods._ask_levels import ask_levels
-from whid.methods._ask_sines import ask_connecting
+from whid.methods._ask_sines import ask_connecting, ask_crossing
 from whid.methods._long import OfLong
 from whid.methods._method import Answered, Method, Model, Stages
 from whid.methods._sines import (
@@ -172,13 +172,15 @@ class WienerHammerstein(Method):
         """The paper's second part: sines inside a smooth piece; those that would connect the phases are asked for."""
         left = yield from _floors(sines, pieces)
         data, fit = fit_chain(sines, pieces, curve, left, seen.samples, orders)
-        if wanted := ask_connecting(sines, seen.records[0].dt, data, fit, pieces, settle):
+        dt, reach = seen.records[0].dt, (float(curve.level.min()), float(curve.level.max()))
+        wanted = ask_connecting(sines, dt, data, fit, pieces, settle) or ask_crossing(sines, dt, data, pieces, reach, settle)
+        if wanted:
             answer = yield wanted
             new = heard(answer) if answer else []
             for sine in new:
                 yield sine.harmonics
             if answer is None or not new:
-                said += (wanted.reason,)
+                said += (wanted.reason,) if not is_affine(data.static) else ()
             else:
                 seen, sines = seen.joined([answer]), [*sines, *new]
                 left += yield from _floors(new, pieces)
