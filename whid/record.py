@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Protocol
 
@@ -105,6 +105,11 @@ class Planned(Protocol):
     @property
     def use(self) -> Use:
         """Return what it is for without parts."""
+
+
+def time_constants(records: Sequence[Record]) -> tuple[float, float]:
+    """Return the shortest and the longest time constant that records can show, s: a sample, the longest record."""
+    return min(record.dt for record in records), max(len(record) * record.dt for record in records)
 
 
 def used(record: Planned, chunk: Chunk, use: str) -> NDArray[np.bool_]:

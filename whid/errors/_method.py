@@ -18,6 +18,13 @@ CATALOGUE: dict[str, Explanation] = {
         "Add levels where the sines run, or let the sines stay inside one piece; what was found before is kept.",
         FAILED,
     ),
+    "stage-unseen-pole": Explanation(
+        "The frequency response asks for a pole that the records cannot show: slower than the longest of them lasts, so that "
+        "its static gain is unknown, or faster than a sample.",
+        "Add sines of lower frequency and longer holds or records, until the gain stops rising; or sample faster. The "
+        "response that was found is kept.",
+        FAILED,
+    ),
     "fit-no-data": Explanation(
         "There is nothing to fit: no record has valid samples for estimation, or the model has no free number.",
         "Declare parts with `use: estimation`; remove `fix: true` from what is to be fitted.",

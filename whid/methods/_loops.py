@@ -142,7 +142,7 @@ def _settled(y: Floats, period: float, lead: int) -> int:
         if len(rest) < 2:
             break
         scatter = float(np.sum((rest - rest.mean(axis=0)) ** 2)) / ((len(rest) - 1) * n)
-        floor = (1e-9 * float(np.ptp(rest))) ** 2
+        floor = max((1e-9 * float(np.ptp(rest))) ** 2, 1e-300)  # an output that rests, without noise, has settled
         ratio = float(np.mean((first - rest.mean(axis=0)) ** 2)) / ((scatter + floor) * (1 + 1 / len(rest)))
         if fdtrc(n, (len(rest) - 1) * n, ratio) > STRAYED:
             return skip

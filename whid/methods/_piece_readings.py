@@ -13,7 +13,7 @@ from whid.methods._audit import audit
 from whid.methods._method import Answered, Model, Stages, Wanted
 from whid.methods._piece_bench import PERIODS, Asking, Bench
 from whid.methods._pieces_model import held_names, model_of
-from whid.record import Record
+from whid.record import Record, time_constants
 from whid.refine import Refined, refine
 from whid.residual import residual
 from whid.signal import rms
@@ -43,7 +43,14 @@ def read(bench: Bench, known: Choice, first: AffineFit, forced: dict[int, tuple[
     own = slice(len(pieces.estimate.values) - 2 * m, None)
     values, covariance = pieces.estimate.values[own], pieces.estimate.covariance[own, own]
     order = np.append(np.arange(0, 2 * m, 2), np.arange(1, 2 * m, 2))
-    linear = transfer_function(fit.omegas, values[::2], values[1::2], covariance[np.ix_(order, order)], bench.samples)
+    linear = transfer_function(
+        fit.omegas,
+        values[::2],
+        values[1::2],
+        covariance[np.ix_(order, order)],
+        bench.samples,
+        shown=time_constants(bench.records),
+    )
     return Reading(pieces, fit, linear)
 
 

@@ -12,7 +12,7 @@ from annotated_types import Ge
 from whid.errors import WhidError
 from whid.methods import _loops as loops
 from whid.methods._method import Method, Stages
-from whid.record import Record
+from whid.record import Record, time_constants
 from whid.stages._hysteresis import Lumped, Swing
 from whid.stages.constant_stages import constant_stages
 from whid.stages.joint_loops import JointLoops, joint_loops
@@ -114,7 +114,7 @@ class WienerBacklash(Method):
         said.append("(G, F[x]) and (−G, F[−x]) are the same system: G(0) > 0 by convention, and 1 by scale")
         if len(joint.omega) < FEWEST:
             raise WhidError("method-few-frequencies", f"{len(joint.omega)} frequencies: too few for a transfer function")
-        linear = self._linear(swings, joint)
+        linear = self._linear(swings, joint, time_constants(records))
         yield linear
         found = loops.parametric(swings, joint, linear)
         yield found
@@ -132,7 +132,7 @@ class WienerBacklash(Method):
         yield whole
         yield final
 
-    def _linear(self, swings: Sequence[Swing], joint: JointLoops) -> TransferFunction:
+    def _linear(self, swings: Sequence[Swing], joint: JointLoops, shown: tuple[float, float]) -> TransferFunction:
         count = len(joint.omega)
         covariance = joint.covariance.copy()
         covariance[:count, :count] += FREE**2
@@ -140,5 +140,11 @@ class WienerBacklash(Method):
         log_gain = np.log(joint.gain / joint.gain[0])
         samples = sum(len(s.mean) * s.periods for s in swings)
         return transfer_function(
-            joint.omega, log_gain, np.unwrap(joint.phase), covariance, samples, highest=min(4, (2 * count - 1) // 2)
+            joint.omega,
+            log_gain,
+            np.unwrap(joint.phase),
+            covariance,
+            samples,
+            highest=min(4, (2 * count - 1) // 2),
+            shown=shown,
         )

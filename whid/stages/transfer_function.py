@@ -60,14 +60,23 @@ class TransferFunction(NamedTuple):
 
 
 def transfer_function(
-    omega: Floats, log_gain: Floats, phase: Floats, covariance: Floats, samples: int, highest: int = 4, most_zeros: int = 2
+    omega: Floats,
+    log_gain: Floats,
+    phase: Floats,
+    covariance: Floats,
+    samples: int,
+    highest: int = 4,
+    most_zeros: int = 2,
+    shown: tuple[float, float] = (0.0, np.inf),
 ) -> TransferFunction:
     """Fit stable transfer functions of unit static gain, with and without a delay, and keep the one of least BIC.
 
     min rᵀ C⁻¹ r, r = log G(jω_k) − (log_gain + j·phase) in real and imaginary parts, phases apart by less than π;
     BIC = χ² + p·log(samples), poles added until two more do not lower it. Starts: Sanathanan-Koerner at delays over the
-    whole phase, unstable poles mirrored.
-    omega (m,) rad/s; covariance (2m, 2m) of (log_gain, phase). Raises `WhidError("stage-no-model")` if nothing fits stably.
+    whole phase, unstable poles mirrored. The smallest candidate has no dynamics, G = 1.
+    omega (m,) rad/s; covariance (2m, 2m) of (log_gain, phase); shown: shortest and longest time constant 1/|pole|, s, that
+    the records can show: a pole faster than a sample is a delay to them, one slower than the record an integrator, its gain
+    unknown. Raises `WhidError`: "stage-no-model" if nothing fits stably, "stage-unseen-pole" if only such poles would fit.
     Source [Brouri2014], section 1 ("structure totally unknown"): what follows the nonparametric estimate.
 
     >>> omega = np.geomspace(0.2, 4, 8)
@@ -80,19 +89,27 @@ def transfer_function(
     problem = _Problem(omega, log_gain, phase, whitener, np.sqrt(np.diag(covariance)[: len(omega)]))
     penalty = float(np.log(samples))
     found: dict[tuple[int, int, int], Estimate] = {}
+    unseen: list[float] = []
     for poles in range(highest + 1):
         if found and poles > 2 + min(found, key=lambda o: found[o].chi2 + penalty * len(found[o].values))[1]:
             break  # two more poles than the best did not help
         for zeros in range(min(poles, most_zeros) + 1):
             for delay in (0, 1):
-                if 0 < zeros + poles + delay < 2 * len(omega):
+                if zeros + poles + delay < 2 * len(omega):
                     ends = [problem.fit(start, zeros, poles) for start in problem.starts(zeros, poles, delay)]
                     ends = [e for e in ends if np.isfinite(e.chi2) and stable(e, zeros, poles)]
-                    if ends:
-                        found[zeros, poles, delay] = min(ends, key=lambda e: e.chi2)
+                    seen = [e for e in ends if _seen(e, zeros, poles, shown)]
+                    if seen:
+                        found[zeros, poles, delay] = min(seen, key=lambda e: e.chi2)
+                    unseen += [e.chi2 + penalty * len(e.values) for e in ends] if not seen else []
     if not found:
         raise WhidError("stage-no-model", "no stable transfer function explains the frequency response")
     bic = {order: e.chi2 + penalty * len(e.values) for order, e in found.items()}
+    if min(unseen, default=np.inf) < min(bic.values()) - RIVAL:
+        raise WhidError(
+            "stage-unseen-pole", f"the response asks for a time constant outside {shown[0]:.3g} … {shown[1]:.3g} s, which "
+            "is all that the records can show"
+        )  # fmt: skip
     m, n, delay = order = min(bic, key=lambda o: bic[o])
     best = found[order]
     num, den = (np.append(part[::-1], 1.0) for part in (best.values[:m], best.values[m : m + n]))
@@ -105,6 +122,12 @@ def stable(estimate: Estimate, zeros: int, poles: int) -> bool:
     """Tell whether all poles are in the left half plane, none of them at infinity."""
     den = np.append(estimate.values[zeros : zeros + poles][::-1], 1.0)
     return bool(den[0] > 0 and np.all(np.roots(den).real < 0))
+
+
+def _seen(estimate: Estimate, zeros: int, poles: int, shown: tuple[float, float]) -> bool:
+    """Tell whether the time constants of all poles are such as the records can show."""
+    speed = np.abs(np.roots(np.append(estimate.values[zeros : zeros + poles][::-1], 1.0)))
+    return bool(np.all((speed * shown[0] <= 1) & (speed * shown[1] >= 1)))
 
 
 class _Problem(NamedTuple):
@@ -148,6 +171,8 @@ class _Problem(NamedTuple):
                 rates = np.hstack([rates, -powers[:, :1]])
             return np.asarray(self.whitener @ np.concatenate([rates.real, rates.imag]))
 
+        if not free:
+            return linear_least_squares(np.empty((2 * len(self.omega), 0)), residual(start), np.ones(2 * len(self.omega)))
         with np.errstate(all="ignore"):
             return least_squares(residual, tangent, free, np.ones(2 * len(self.omega)), max_iterations=40, tolerance=1e-4)
 
@@ -176,7 +201,7 @@ class _Problem(NamedTuple):
         if n:
             roots = np.roots(np.append(values[m:][::-1], 1.0))
             roots = -np.abs(roots.real) - 1e-3 * np.abs(roots) + 1j * roots.imag
-            monic = np.real(np.poly(roots))[::-1]
+            monic = np.atleast_1d(np.real(np.poly(roots)))[::-1]
             values = np.append(values[:m], np.pad(monic[1:] / monic[0], (0, n - len(roots))))
         scaled = values / scale ** np.concatenate([np.arange(1, m + 1), np.arange(1, n + 1)])
         powers = (1j * self.omega)[:, None] ** np.arange(1, max(m, n, 1) + 1)
