@@ -19,8 +19,8 @@ CATALOGUE: dict[str, Explanation] = {
         FAILED,
     ),
     "stage-unseen-pole": Explanation(
-        "The frequency response asks for a pole that the records cannot show: slower than the longest of them lasts, so that "
-        "its static gain is unknown, or faster than a sample.",
+        "The frequency response asks for a pole that the records cannot show: slower than the longest of them lasts, so "
+        "that its static gain is unknown, or faster than a sample.",
         "Add sines of lower frequency and longer holds or records, until the gain stops rising; or sample faster. The "
         "response that was found is kept.",
         FAILED,

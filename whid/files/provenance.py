@@ -12,7 +12,7 @@ from typing import Any
 
 from whid import __version__
 
-RESULTS_VERSION = 2  # bumped when the same study gives other numbers
+RESULTS_VERSION = 3  # bumped when the same study gives other numbers
 SCHEMA_VERSION = 4  # bumped when a study or a result file is written differently
 
 
