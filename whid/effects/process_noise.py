@@ -15,6 +15,7 @@ from whid.effects._effect import Place
 from whid.effects._filtered import through
 from whid.effects._look import Look
 from whid.effects._noisy import Fitted, NoiseEffect, Variances, shaped, stacked, stacked_errors, variances
+from whid.effects._pulled import slope
 from whid.effects._sites import Sites
 from whid.signal import Floats
 
@@ -40,7 +41,7 @@ class ProcessNoise(NoiseEffect):
             return None
         place = sites.static[0]
         behind = sites.blocks[place + 1 : sites.core[1]]
-        slopes = tuple(_slope(sites.blocks[place], v) for v in look.signal(place))
+        slopes = tuple(slope(sites.blocks[place], v) for v in look.signal(place))
         if any(not isinstance(block, Linear) for block in behind):
             return None
         if not behind:
@@ -66,16 +67,9 @@ def _exact(look: Look, slope: Floats, behind: Linear, rough: Variances) -> Varia
     return Variances(*through(np.where(use, error, 0.0), use, slope, behind, look.records[0].dt, rough.share / rough.base))
 
 
-def _slope(block: object, v: Floats) -> Floats:
-    """Return f′(v) by a difference: blocks beside one another have no derivative of their own."""
-    h = 1e-4 * (np.ptp(v) or 1.0)
-    up, down = (block(v + s * h, 1.0, "discrete") for s in (1, -1))  # type: ignore[operator]
-    return np.asarray((up - down) / (2 * h))
-
-
 def _blocks(look: Look, slopes: tuple[Floats, ...], behind: Chain) -> Iterator[tuple[Floats, Floats]]:
     """Yield the spectrum of every whole block of residual, real and imaginary parts, and the shape of its variance."""
-    for record, error, use, slope in zip(look.records, look.errors, look.use, slopes, strict=True):
+    for record, error, use, steep in zip(look.records, look.errors, look.use, slopes, strict=True):
         pulse = np.zeros(BLOCK)
         pulse[0] = 1.0
         shape = np.abs(np.fft.rfft(behind(pulse, record.dt, "zoh"), 2 * BLOCK)[2:-1:2]) ** 2
@@ -83,4 +77,4 @@ def _blocks(look: Look, slopes: tuple[Floats, ...], behind: Chain) -> Iterator[t
             part = slice(start, start + BLOCK)
             if use[part].all():
                 e = np.fft.rfft(error[part])[1:-1] * np.sqrt(2 / BLOCK)
-                yield np.concatenate([e.real, e.imag]), np.tile(shape * np.mean(slope[part] ** 2), 2)
+                yield np.concatenate([e.real, e.imag]), np.tile(shape * np.mean(steep[part] ** 2), 2)
