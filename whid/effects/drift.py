@@ -18,7 +18,7 @@ from whid.effects._sites import Sites
 from whid.signal import Floats
 
 LIKELY = 15.0  # nats of the finest course, below which no walk is looked for
-POINTS = (2, 4, 8, 16, 32, 64)
+POINTS = (2, 3, 4, 6, 8, 16, 32, 64)
 ABSORBED = 0.03  # of a constant: what the model's own numbers leave of it where they hold an offset
 CYCLES = np.arange(1.5, 10.25, 0.5)  # a record
 
