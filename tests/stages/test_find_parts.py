@@ -63,6 +63,21 @@ def test_six_digits(name):
     check(plan, find_parts(np.array([float(f"{x:.6g}") for x in u]), DT), level=1e-5, period=1e-6)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_periods_of_whole_samples_are_found_whole_and_others_are_not(noise):
+    n = np.arange(1200.0)
+    for seed in range(20):
+        for period in (240, 240.25, 57, 57.1):
+            u = np.round(0.3 + np.cos(2 * np.pi * n / period) + noise * RNG(seed).standard_normal(1200), 3)
+            (sine,) = find_parts(u, DT)
+            if period == int(period):
+                assert sine.period == period
+            else:
+                assert sine.period == pytest.approx(period, abs=0.02)
+                assert sine.period != round(period)
+            assert sine.phase == pytest.approx(0, abs=3e-3)
+
+
 @pytest.mark.parametrize("bit", [0.002, 0.01])
 @pytest.mark.parametrize("name", PLANS)
 def test_one_bit_of_converter_noise(name, bit):

@@ -17,6 +17,8 @@ FEWEST_PERIODS = 1.9
 DISTORTED = 0.05  # residual / amplitude: more is no sine
 WHITE = 0.3  # von Neumann ratio of the residual below which it is a shape, not noise
 FITTED, GUESSED = 100_000, 1000  # samples at most that a fit, and a first guess, looks at
+WITHIN = 4.0  # standard errors of a period within which a whole number of samples is meant
+BELIEVED = 0.05  # samples: a period that is known no better than this is not made whole (one in ten is so near by chance)
 FAR = 6.0  # residual standard deviations that end a sine, when four of six samples are so far
 
 
@@ -34,6 +36,20 @@ class Found(NamedTuple):
     def at(self, n: Floats) -> Floats:
         """Return the sine at samples n, counted as start is."""
         return np.asarray(self.offset + self.amplitude * np.cos(2 * np.pi * (n - self.start) / self.period + self.phase))
+
+    def of_whole_samples(self) -> Found:
+        """Return the sine with a period of whole samples, where one lies within the period's error; else as it is.
+
+        The Cramér-Rao bound of a frequency from N samples under white noise is √(24/N³)·rms/amplitude, in rad per sample.
+        The phase is kept where it is known best, in the middle.
+        """
+        length = self.stop - self.start
+        error = self.period**2 / (2 * np.pi) * np.sqrt(24 / min(length, FITTED)) / length * self.rms / self.amplitude
+        whole = round(self.period)
+        if not abs(whole - self.period) <= WITHIN * error <= BELIEVED:
+            return self
+        turned = np.pi * length * (1 / self.period - 1 / whole)
+        return self._replace(period=float(whole), phase=float((self.phase + turned + np.pi) % (2 * np.pi) - np.pi))
 
 
 def find_sines(u: Floats, start: int, stop: int, bit: float) -> list[Found]:

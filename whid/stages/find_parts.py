@@ -20,7 +20,8 @@ def find_parts(u: Floats, dt: float, use: Use = "estimation") -> tuple[Part, ...
     """Return the constant levels and the sines of an input, in time order; what is neither belongs to no part.
 
     u (N,) in its own unit, one bit of noise or a few per mille of white noise allowed. Levels are means over their
-    stretch, levels that agree within a bit or their errors are made equal; periods are real numbers of samples.
+    stretch, levels that agree within a bit or their errors are made equal; periods are real numbers of samples, whole
+    ones where such a one lies within the error.
     The first level has the direction of the step that follows it.
 
     >>> u = np.concatenate([np.repeat([0.0, 1.0], 20), 1 + 0.5 * np.cos(np.arange(120) * 2 * np.pi / 40.5)])
@@ -116,7 +117,7 @@ def _parts(u: Floats, pieces: list[Stretch | Found], bit: float, use: Use) -> tu
     parts: list[Part] = []
     for k, piece in enumerate(pieces):
         if isinstance(piece, Found):
-            parts.append(_sine(piece, use))
+            parts.append(_sine(piece.of_whole_samples(), use))
             continue
         before, here = pieces[k - 1] if k else None, levels[piece]
         after = pieces[k + 1] if k + 1 < len(pieces) else None
