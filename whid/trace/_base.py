@@ -8,12 +8,13 @@ from functools import partial
 import numpy as np
 
 from whid.effects._look import Look, Noise
+from whid.errors import WhidError
 from whid.fit import Estimate
 from whid.system import System
 from whid.trace._forensics import without_suspects
 from whid.trace._gate import gate
 from whid.trace._mend import across, at, jumps, searched, tried
-from whid.trace._refit import error2, fitted
+from whid.trace._refit import Refit, error2, fitted
 from whid.trace._state import Data, State, with_noise
 
 STUCK = 1.5  # of the noise's variance: such a base fit is tried again from other starts
@@ -41,6 +42,27 @@ def base(system: System, data: Data, path: str) -> State:
     if any(raw.suspect.any() for raw in data.raw):
         look = replace(look, records=data.seen, _courses={})
         look = look if known else with_noise(look, data.coloured)
+    return State(look, estimate, gate(look))
+
+
+def better(first: State, found: Refit) -> State | None:
+    """Return the declared model fitted from the numbers that it has beside an effect, None where its own fit was no worse.
+
+    No effect can make the declared numbers alone explain more than their own fit did, unless that had stopped at a wrong
+    place: the effect was then what moved them on.
+    """
+    look, new = first.look, set(found.candidate.new)
+    names = [p.name for p in look.system.tree.parameters()]
+    values = [p.value for p in found.look.system.tree.parameters() if p.name not in new]
+    if found.told or len(names) != len(values) or any(n.ar for n in look.noises) != any(n.ar for n in found.look.noises):
+        return None
+    try:
+        there = look.moved(at(look.system, dict(zip(names, values, strict=True))))
+        if error2(there) >= error2(look):
+            return None
+        look, estimate = fitted(there)
+    except (WhidError, ValueError, np.linalg.LinAlgError):
+        return None
     return State(look, estimate, gate(look))
 
 

@@ -11,7 +11,7 @@ from whid.methods._method import Model
 from whid.record import Record
 from whid.system import System
 from whid.trace._backward import backward
-from whid.trace._base import base
+from whid.trace._base import base, better
 from whid.trace._deciding import deciding
 from whid.trace._judge import astray, judged, opened, residual_report
 from whid.trace._left_over import left_over
@@ -48,6 +48,10 @@ def trace(system: System, records: Sequence[Record], options: Trace, path: str =
         yield ranking
         if state is None:
             break
+        if len(states) == 1 and state.added and data.floor.dof and (mended := better(states[0], state.added)):
+            states = [mended]
+            yield residual_report(mended, data)
+            continue
         states = backward([*states, state])
         if states[-1].rounded or astray(states, data):
             break
