@@ -122,8 +122,8 @@ def _unexplained(bench: Bench, model: Model) -> tuple[str, ...]:
     if not worst[0]:
         return ()
     return (
-        f"record {worst[0]} is not explained: its residual is {np.sqrt(worst[1]):.3g} times the noise of the levels; the "
-        "system has more than this structure",
+        f"record {worst[0]} is not explained: its residual is {np.sqrt(worst[1]):.3g} times the noise of the levels: a "
+        "piece not resolved, or read wrongly (hold longer, average more periods), or a system with more than this structure",
     )
 
 
