@@ -395,3 +395,18 @@ def test_two_columns_without_headings_are_input_and_output(tmp_path):
     assert ingest(DataSource(file="adc.csv", dt=0.1, causal=False), tmp_path).record.u[1] == 1
     with pytest.raises(WhidError, match="no time column among 0, 1; give dt:"):
         ingest(DataSource(file="adc.csv"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("u", "parts", "initial"),
+    [
+        (np.random.default_rng(31).standard_normal(200), (), "free"),
+        (np.concatenate([np.zeros(20), np.random.default_rng(32).standard_normal(200)]), (), "steady"),
+        (np.cos(np.arange(200) * 2 * np.pi / 20), "auto", "steady"),
+        (np.repeat([0.0, 1.0, 3.0, 2.0], 50), "auto", "steady"),
+    ],
+)
+def test_a_record_that_moves_from_its_first_sample_on_begins_in_a_state_that_nobody_knows(tmp_path, u, parts, initial):
+    time, y = np.arange(len(u)) * 0.1, np.random.default_rng(33).standard_normal(len(u))
+    assert record(written(tmp_path, time, u, y), parts=parts).record.initial == initial
+    assert record(written(tmp_path, time, u, y), parts=parts, initial="rest").record.initial == "rest"

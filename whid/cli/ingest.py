@@ -215,7 +215,7 @@ def _study(source: DataSource, found: Ingested, base: Path) -> str:
     from whid.config.yaml import dump
 
     declared = _plain(_declared(source, found, base))
-    spelled = {"intersample": source.intersample, "initial": source.initial, "missing": source.missing}
+    spelled = {"intersample": source.intersample, "initial": found.record.initial, "missing": source.missing}
     order = ("name", "file", "columns", "dt", "units", "operations", *spelled, "parts", "use")
     both = {k: v for k, v in {**declared, **spelled}.items() if k != "name"}
     ordered = {k: both[k] for k in order if k in both} | {k: v for k, v in both.items() if k not in order}

@@ -17,12 +17,13 @@ from whid.files.table import Table, open_table
 from whid.kinds import plain
 from whid.operations._operation import Series
 from whid.quantity import UNIX
-from whid.record import Record
+from whid.record import Initial, Record
 from whid.signal import Floats
 from whid.stages.find_parts import find_parts
 
 STEPS = {"dt": 1.0, "ts": 1.0, "h": 1.0, "t_s": 1.0}  # scalars that files name their sampling time by
 ROLES = ("time", "input", "output")
+BEGINNING, STILL = 8, 0.01  # samples that tell whether u is at rest first, and how much of its range they may move
 RATES = ("fs", "rate_hz", "rate", "f_s")
 
 
@@ -89,11 +90,22 @@ def _record(source: DataSource, table: Table, path: Path, alone: bool) -> tuple[
     if chosen.output == chosen.input:
         series.valid[:] = False
     whole = bool(series.valid.all())
+    initial = source.initial or begins(series.input, parts)
     record = Record(
         series.input, series.output if whole else np.where(series.valid, series.output, np.nan), dt, t0,
-        None if whole else series.valid, units, source.intersample, source.initial, parts, source.name, source.use,
+        None if whole else series.valid, units, source.intersample, initial, parts, source.name, source.use,
     )  # fmt: skip
     return record, (*notes, *more, *operated, *found)
+
+
+def begins(u: Floats, parts: Sequence[Part]) -> Initial:
+    """Return the state that a record of nothing declared begins in: free where its input moves at once, of no plan.
+
+    A sine or a level has a steady state that a stage can cut off; noise from its first sample on has none, and to take
+    the first sample for one puts a step in front of it that never was.
+    """
+    planned = any(part.start == 0 and part.kind != "noise_band" for part in parts)
+    return "steady" if planned or np.ptp(u[:BEGINNING]) <= STILL * np.ptp(u) else "free"
 
 
 def choose(source: DataSource, table: Table, alone: bool = False) -> tuple[Chosen, tuple[str, ...]]:

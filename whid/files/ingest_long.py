@@ -85,8 +85,8 @@ def _record(source: DataSource, table: Table) -> tuple[LongRecord, tuple[str, ..
     }
     record = LongRecord(
         samples=pass_.samples, read=lambda outputs: _Pass(source, table, chosen).chunks(), dt=dt, t0=pass_.t0, units=units,
-        intersample=source.intersample, initial=source.initial, parts=placed(source, dt, pass_.samples), name=source.name,
-        use=source.use,
+        intersample=source.intersample, initial=source.initial or "steady", parts=placed(source, dt, pass_.samples),
+        name=source.name, use=source.use,
     )  # fmt: skip
     return record, (*notes, *more, *operated, f"{pass_.samples} samples, read in chunks")
 
