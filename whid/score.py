@@ -33,12 +33,10 @@ def score(
 
     {use}.rms, .nrmse, .fit          for use in estimation, selection, report; nrmse = rms/std(y), fit = 100(1 − nrmse)
     {front|back}.{gain|phase}.error.max   largest error at the frequencies that the sines reached, static gain 1;
-                                     linear.… of front·back, where the model claims no more than that
-    nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there; of systems
-                                     without memory across the model's domain, or the inputs
                                      linear.… of front·back, where the model claims no more than that, or of what stands
                                      between two nonlinear blocks
-    nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there
+    nonlinearity.error.{max,rms}     of the static curve at the levels held, over the span of the true one there; of systems
+                                     without memory across the model's domain, or the inputs
     """
     metrics: Metrics = {}
     for use in ("estimation", "selection", "report"):
@@ -81,8 +79,8 @@ def linear_gain(system: System, side: str, omega: Floats) -> NDArray[np.complex1
     for block in chain:
         if not isinstance(block, Linear):
             break
-        product = product * block.gain_at(omega)
-        static *= complex(block.gain_at(np.zeros(1))[0])
+        gain = block.gain_at(np.append(omega, 0.0))
+        product, static = product * gain[:-1], static * complex(gain[-1])
     return np.asarray(product / static)
 
 
@@ -122,8 +120,8 @@ def linear_response(system: System, omega: Floats) -> NDArray[np.complex128]:
     product, static = np.ones(len(omega), complex), 1.0 + 0j
     for block in system.series:
         if isinstance(block, (Linear, Delay)):
-            product = product * block.gain_at(omega)
-            static *= complex(block.gain_at(np.zeros(1))[0])
+            gain = block.gain_at(np.append(omega, 0.0))
+            product, static = product * gain[:-1], static * complex(gain[-1])
     return np.asarray(product / static)
 
 
@@ -167,8 +165,9 @@ def _against(
         reached = {}
     for side, omega in reached.items():
         if len(omega):
-            ratio = linear_gain(system, side, omega) / linear_gain(truth, side, omega)
-            true = np.abs(linear_gain(truth, side, omega))
+            expected = linear_gain(truth, side, omega)
+            ratio = linear_gain(system, side, omega) / expected
+            true = np.abs(expected)
             yield f"{side}.gain.error.max", float(np.abs(np.abs(ratio) * true - true).max())
             yield f"{side}.phase.error.max", float(np.abs(np.angle(ratio)).max())
     levels = np.unique([part.level for r in records for part in r.parts if part.kind == "hold"])  # type: ignore[attr-defined]
