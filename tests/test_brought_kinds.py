@@ -11,6 +11,7 @@ import whid
 from whid import kinds
 from whid.blocks._block import Block
 from whid.cli import main
+from whid.config import schema
 from whid.effects._effect import Effect
 from whid.trace import Trace
 
@@ -108,9 +109,12 @@ def _installed(tmp_path, monkeypatch):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-bench\nVersion: 1.2\n")
     (info / "entry_points.txt").write_text(ENTRIES)
     monkeypatch.syspath_prepend(str(tmp_path))
-    kinds._brought.cache_clear()
+    remembered = (kinds._brought, schema.validator)  # a process finds out once what is installed
+    for what in remembered:
+        what.cache_clear()
     yield
-    kinds._brought.cache_clear()
+    for what in remembered:
+        what.cache_clear()
 
 
 @pytest.mark.usefixtures("_installed")
