@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,7 @@ from whid.sweep_bound import Told, bounds, told
 from whid.sweep_result import SweepResult, gathered
 from whid.tables import as_csv, markdown
 
+OBJECTS = 50_000  # newly made between two looks: those of a few repeats
 Watch = Callable[[int, int, str], None]  # finished, of how many, the reason of a failure just met ("" otherwise)
 
 
@@ -168,7 +171,19 @@ def repeats(shared: tuple[Study, Path, bool], tasks: Sequence[tuple[int, tuple[i
     study, base, full = shared
     why, clean = "asked for" if full else _records(study), Clean()
     seeds = [np.random.SeedSequence(study.seed, spawn_key=spawn_key) for _, spawn_key in tasks]
-    return [_outcome(flow.execute(study, base, s, clean) if why else flow.execute_drawn(study, s), why) for s in seeds]
+    with _seldom_collected():
+        return [_outcome(flow.execute(study, base, s, clean) if why else flow.execute_drawn(study, s), why) for s in seeds]
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Look for cycles of garbage once in so many objects: at Python's own pace they cost a tenth of a drawn repeat."""
+    before = gc.get_threshold()
+    gc.set_threshold(OBJECTS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _records(study: Study) -> str:
