@@ -34,7 +34,7 @@ from whid.sweep_bound import Told, bounds, told
 from whid.sweep_result import SweepResult, gathered
 from whid.tables import as_csv, markdown
 
-OBJECTS = 50_000  # newly made between two looks: those of a few repeats
+OBJECTS = 200_000  # newly made between two looks: those of some ten repeats
 Watch = Callable[[int, int, str], None]  # finished, of how many, the reason of a failure just met ("" otherwise)
 
 
