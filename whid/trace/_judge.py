@@ -22,9 +22,8 @@ from whid.trace._verdict import Errors, Found, Step, Verdict, Word
 MOST = 0.5  # of what was left over: what the first of several effects must explain for all of them to be named
 LOOP = 0.4  # of it: what a loop must, for anything to be looked for beside it
 STRING = 3  # effects: so many are rarely missing at once
-NEARLY = (
-    0.7  # of the nats that there are: a description without a name that gains so many, and more than what has one, stays
-)
+# of the nats that there are: a description without a name that gains so many, and more than what has one, stays
+NEARLY = 0.7
 ALMOST = 0.9  # of it: what all of them must, where the residual still answers to the input
 
 

@@ -58,6 +58,7 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
     screened = (_counted(e.screen(look), here, data) for e in effects)
     ranked = sorted(filter(None, screened), key=lambda s: (not _ahead(s[0]), -s[0].gain))
     fits: list[Refit] = []
+    said: dict[str, str] = {}  # against every refit
     for starts in ranked:
         start = starts[0]
         if start.told is not None and start.effect.kind not in CERTAIN and here.dirty and start.gain < 2 * room(here, data):
@@ -67,7 +68,7 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
             break
         if start.gain < min(needed(start), NEEDED) - SHORT:
             continue
-        if _late(start, here, data) and any(not against(f, here, data, other) and f.gain > needed(f) for f in fits):
+        if _late(start, here, data) and any(not said[f.effect.name] and f.gain > needed(f) for f in fits):
             continue  # it would come after these
         enough = max(NEAR * best.gain - NEEDED, other) if best and known else other
         found = refit(look, starts[: 1 if best and clean(best) else STARTS], enough, known=known)
@@ -76,12 +77,13 @@ def one_round(here: State, effects: Sequence[Effect], data: Data, before: Sequen
         if known and not found.told and found.gain > needed(found) and (best is None or found.gain > BEHIND * best.gain):
             found = found if clean(found) else mended(look, found)
         fits.append(found if found.told else _on_selection(look, found, data))
-    good = [f for f in fits if not against(f, here, data, other)]
+        said[found.effect.name] = against(fits[-1], here, data, other)
+    good = [f for f in fits if not said[f.effect.name]]
     good = _assumed_first(_in_order(good, data, dirty=here.dirty))
     good = [f for f in good if not f.told or f.told.hidden or f.gain > described]
     taken = next((f for f in good if f.evidence > needed(f)), None)
     asked = needed(taken or good[0]) if good else beyond
-    ranking = _ranking(ranked, fits, {f.effect.name: against(f, here, data, other) for f in fits}, taken, good, asked)
+    ranking = _ranking(ranked, fits, said, taken, good, asked)
     if taken is None:
         return Round(ranking, None)
     near = (f for f in good if f is not taken and taken.evidence - f.evidence < CLASS and taken.effect.name != ASSUMED)

@@ -21,14 +21,8 @@ from whid.signal import Floats
 from whid.trace._refit import error2
 
 SHORTEST, LONGEST, LAGS = 10.0, 3000.0, 15  # samples of a time constant, how many are tried
-GAPS = (
-    0.02,
-    0.05,
-    0.1,
-    0.17,
-    0.28,
-    0.45,
-)  # of the range: plays whose sum is any hysteresis that does not depend on the rate
+# of the range: plays whose sum is any hysteresis that does not depend on the rate
+GAPS = (0.02, 0.05, 0.1, 0.17, 0.28, 0.45)
 
 
 class Unnamed(NamedTuple):
@@ -82,9 +76,8 @@ def _hysteresis(look: Look) -> Iterator[Unnamed]:
         if change is None or not np.any(change):
             continue
         left = look.left - change @ np.linalg.lstsq(change, look.left, rcond=1e-6)[0]
-        where = (
-            "behind the last block" if place == look.core[1] else f"ahead of block {place + 1} ({sites.blocks[place].kind})"
-        )
+        behind = place == look.core[1]
+        where = "behind the last block" if behind else f"ahead of block {place + 1} ({sites.blocks[place].kind})"
         yield Unnamed(f"a hysteresis {where}", _gain(look, float(left @ left), len(GAPS), len(places)))
 
 
