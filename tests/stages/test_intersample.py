@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from whid.blocks.chain import Chain
 from whid.blocks.dead_zone import DeadZone
@@ -71,3 +72,18 @@ def test_size_under_the_truth():
         wrong += intersample(*simulated("first order", "zoh", seed), "zoh").verdict == "does not fit"
     print(f"false alarms: {wrong}/100")
     assert wrong == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_few_rounded_sines_cannot_tell(seed):
+    """Nine lines through a lag and a play, the input held: nothing answers before u moves, though u looks as if it did."""
+    rng = np.random.default_rng(71_000 + seed)
+    n = np.arange(4000)
+    lines = np.array([1, 3, 5, 9, 13, 21, 31, 45, 61])
+    u = np.round(np.cos(2 * np.pi * np.outer(n, lines) / 500 + rng.uniform(0, 2 * np.pi, 9)).sum(axis=1) / 2, 3)
+    lagged = lfilter([0.0, 0.25], [1.0, -0.875], u)
+    held, w = np.empty(4000), 0.0
+    for k, v in enumerate(lagged):
+        w = held[k] = min(max(w, v - 0.4), v + 0.4)
+    found = intersample(u, held + 0.05 * rng.standard_normal(4000), "zoh")
+    assert found.verdict == "cannot tell"

@@ -6,9 +6,10 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
+from whid.fit import linear_least_squares
 from whid.quantity import Quantity
 from whid.signal import Floats
-from whid.stages.causality import whiten
+from whid.stages.causality import PREDICTABLE, whiten
 
 Assumption = Literal["zoh", "foh", "bandlimited", "discrete"]
 AHEAD, BEHIND = 6, 24  # lags of the response that are looked at
@@ -82,6 +83,16 @@ def intersample(u: Floats, y: Floats, declared: Assumption) -> Intersample:
     return Intersample(declared, fits[0], "does not fit", statistic, p, reason)
 
 
+def _a_few_sines(u: Floats) -> bool:
+    """Tell whether the best prediction of u from its past leaves next to nothing: fewer lines than lags that are looked at.
+
+    Whitening by a tapered covariance leaves a thousandth of them, which is no innovation, but answers to them.
+    """
+    past = np.lib.stride_tricks.sliding_window_view(u - u.mean(), AHEAD + BEHIND + 2)
+    found = linear_least_squares(past[:, :-1], past[:, -1])
+    return bool(found.chi2 < PREDICTABLE * len(past) * u.var())
+
+
 def _sharp(h: _Short) -> bool:
     """Tell whether lag 1 is known so well that the lag 0 of straight lines, a fourteenth of it or more, would show."""
     error = abs(h.next_size) / max(np.sqrt(h.next), 1e-300)
@@ -91,7 +102,7 @@ def _sharp(h: _Short) -> bool:
 def _short_lags(u: Floats, y: Floats) -> _Short | None:
     """Return the response at lags −AHEAD … 1, by least squares on lags −AHEAD … BEHIND of the whitened input."""
     whitened = whiten(u, y) if len(u) >= 10 * (AHEAD + BEHIND) else None
-    if whitened is None:
+    if whitened is None or _a_few_sines(u):
         return None
     e, z = whitened
     design = np.lib.stride_tricks.sliding_window_view(e, AHEAD + BEHIND + 1)[:, ::-1]  # column j: lag j − AHEAD
