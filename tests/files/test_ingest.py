@@ -402,7 +402,7 @@ def test_two_columns_without_headings_are_input_and_output(tmp_path):
     [
         (np.random.default_rng(31).standard_normal(200), (), "free"),
         (np.concatenate([np.zeros(20), np.random.default_rng(32).standard_normal(200)]), (), "steady"),
-        (np.cos(np.arange(200) * 2 * np.pi / 20), "auto", "steady"),
+        (np.cos(np.arange(200) * 2 * np.pi / 20), "auto", "free"),
         (np.repeat([0.0, 1.0, 3.0, 2.0], 50), "auto", "steady"),
     ],
 )

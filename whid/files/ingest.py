@@ -90,7 +90,7 @@ def _record(source: DataSource, table: Table, path: Path, alone: bool) -> tuple[
     if chosen.output == chosen.input:
         series.valid[:] = False
     whole = bool(series.valid.all())
-    initial = source.initial or begins(series.input, parts)
+    initial = source.initial or begins(series.input)
     record = Record(
         series.input, series.output if whole else np.where(series.valid, series.output, np.nan), dt, t0,
         None if whole else series.valid, units, source.intersample, initial, parts, source.name, source.use,
@@ -98,14 +98,12 @@ def _record(source: DataSource, table: Table, path: Path, alone: bool) -> tuple[
     return record, (*notes, *more, *operated, *found)
 
 
-def begins(u: Floats, parts: Sequence[Part]) -> Initial:
-    """Return the state that a record of nothing declared begins in: free where its input moves at once, of no plan.
+def begins(u: Floats) -> Initial:
+    """Return the state that a record of nothing declared begins in: steady where its input is at rest first, else free.
 
-    A sine or a level has a steady state that a stage can cut off; noise from its first sample on has none, and to take
-    the first sample for one puts a step in front of it that never was.
+    To take the first sample of an input that moves at once for a level puts a step in front of it that never was.
     """
-    planned = any(part.start == 0 and part.kind != "noise_band" for part in parts)
-    return "steady" if planned or np.ptp(u[:BEGINNING]) <= STILL * np.ptp(u) else "free"
+    return "steady" if np.ptp(u[:BEGINNING]) <= STILL * np.ptp(u) else "free"
 
 
 def choose(source: DataSource, table: Table, alone: bool = False) -> tuple[Chosen, tuple[str, ...]]:

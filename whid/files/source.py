@@ -37,8 +37,8 @@ class DataSource:
     units       of time (s unless the file says otherwise), input and output
     operations  applied in order, before parts are looked for; parts count samples after them
     intersample what the input does between samples: zoh, foh, bandlimited, discrete
-    initial     the state before the first sample: steady (at u[0]), rest or free; left out, it is steady where a level or a
-                sine comes first or u begins at rest, else free
+    initial     the state before the first sample: steady (at u[0]), rest or free; left out, it is steady where u is at rest
+                for its first samples, else free
     missing     what to do with missing samples: error, mask (y only: a fit skips them), interpolate
     causal      false: the output need not follow the input (an inverse model); the swap check is left out
     parts       what happens when, by samples; or auto: constant levels and sines found in u
