@@ -118,3 +118,12 @@ def test_the_note_on_single_frequencies_names_one_that_is_there(result):
 def test_the_parameters_stand_in_the_order_of_the_chain(result):
     names = [row[0] for row in table(result, "Model").rows]
     assert [name.split(".")[1] for name in names] == sorted(name.split(".")[1] for name in names)
+
+
+def test_a_number_that_is_held_to_fix_a_scale_is_in_the_models_table(result):
+    """Without it nobody can read the gain of num/den."""
+    told = model_of((Linear(num=(3.0,), den=(1.0, 2.0)),))
+    fewer = linear_least_squares(np.eye(2), np.array([3.0, 1.0]), np.full(2, 50.0), ["chain.0.num.0", "chain.0.den.0"])
+    found = table(replace(result, truth=None, stages={"model": told._replace(estimate=fewer)}), "Model")
+    assert [row[:2] for row in found.rows if row[0] == "chain.0.den.1"] == [("chain.0.den.1", 2.0)]
+    assert "held, to fix a scale: chain.0.den.1" in found.notes

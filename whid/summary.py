@@ -142,11 +142,16 @@ def _model(result: Result) -> Table:
         (name, Measured(float(value), float(std)), *((truth[name],) if truth else ()))
         for name, value, std in zip(estimate.names, estimate.values, estimate.std, strict=True)
     ]
+    every = {p.name: p.value for p in model.system.tree.parameters()}
+    known = every.keys() >= set(estimate.names)
+    held = [(name, value) for name, value in every.items() if known and name not in estimate.names]
+    rows += [(*row, *((None,) if truth else ())) for row in held]
     chain = " → ".join(block.kind for block in model.system.chain)
     fit = f"{chain}; normalisation {model.normalisation}; χ²/dof {_ratio(estimate)}, stopped: {estimate.why_stop}"
     columns = ("parameter", "estimate", *(("truth",) if truth else ()))
     rows.sort(key=lambda row: [int(x) if x.isdecimal() else x for x in row[0].split(".")])
-    return Table("Model", columns, tuple(rows), (NAMES, fit, *(f"not known: {what}" for what in model.missing)))
+    said = (f"held, to fix a scale: {', '.join(name for name, _ in held)}",) if held else ()
+    return Table("Model", columns, tuple(rows), (NAMES, fit, *said, *(f"not known: {what}" for what in model.missing)))
 
 
 def _ratio(estimate: Any) -> str:

@@ -32,7 +32,7 @@ def draw(run: Any, figure: Figure) -> None:
     for k in np.flatnonzero(best < 1.2 * floor):  # a bar without length says nothing
         axes.annotate(f"{best[k]:.1f}", (floor, place[k]), (4, 0), textcoords="offset points", va="center", fontsize=7.5,
                       color=QUIET)  # fmt: skip
-    axes.axvline(ranking.needed, color="black", lw=0.9, ls="--", label=f"needed: {ranking.needed:g} nat")
+    axes.axvline(ranking.needed, color="black", lw=0.9, ls="--", label=f"needed: {ranking.needed:.3g} nat")
     axes.set_xscale("log")
     axes.set_xlim(floor, max(2.0 * float(best.max(initial=1.0)), 20.0))
     axes.set_yticks(place, ranking.effect[:MOST])
