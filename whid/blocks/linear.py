@@ -12,7 +12,8 @@ from annotated_types import Gt, MinLen
 from numpy.typing import NDArray
 
 from whid.blocks._block import PERIODIC, Block, Number, State, Tangents
-from whid.blocks._filter import Realised, StateSpace, filtered, gridded, realise, triangle
+from whid.blocks._filter import filtered
+from whid.blocks._realised import Realised, StateSpace, gridded, realise, triangle
 from whid.blocks._stack import Bundle, stacked
 from whid.errors import WhidError
 from whid.signal import Floats, Signal
